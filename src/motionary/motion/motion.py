@@ -1,0 +1,102 @@
+"""`Motion`: joint positions over time on a skeleton, and local rotations where they are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motionary.errors import InputError
+from motionary.motion.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """T frames of J joints.
+
+    Attributes:
+        positions: (T, J, 3) float32 metres, y up.
+        fps: frames per second.
+        skeleton: the J joints.
+        rotations: (T, J, 4) float32 local unit quaternions xyzw relative to the rest offsets (the root's is global),
+            or None where they are unknown. They are the true ones, never the HumanML3D codec's.
+
+    Raises:
+        InputError: wrong shape, values that are not finite, or fps not positive.
+    """
+
+    positions: np.ndarray
+    fps: float
+    skeleton: Skeleton
+    rotations: np.ndarray | None = field(default=None)
+
+    def __post_init__(self):
+        joints = len(self.skeleton.joints)
+        object.__setattr__(self, "positions", _array("positions", self.positions, (joints, 3)))
+        fps = _number(self.fps)
+        if not (np.isfinite(fps) and fps > 0):
+            raise InputError("fps", self.fps, "a positive number of frames per second")
+        object.__setattr__(self, "fps", fps)
+        if self.rotations is None:
+            return
+        rotations = _array("rotations", self.rotations, (joints, 4))
+        if len(rotations) != len(self.positions):
+            raise InputError("rotations", rotations.shape, f"as many frames as positions ({len(self.positions)})")
+        norms = np.linalg.norm(rotations, axis=-1)
+        if np.abs(norms - 1).max() > 1e-3:
+            raise InputError("rotations", f"norms {norms.min():.4f} to {norms.max():.4f}", "unit quaternions xyzw")
+        object.__setattr__(self, "rotations", rotations)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.positions)
+
+    @property
+    def duration(self) -> float:
+        """Seconds, T / fps."""
+        return self.frames / self.fps
+
+    def crop(self, start_frame: int, end_frame: int) -> Motion:
+        """Frames start_frame to end_frame (exclusive).
+
+        Raises:
+            InputError: not 0 <= start_frame < end_frame <= frames.
+        """
+        if not 0 <= start_frame < end_frame <= self.frames:
+            raise InputError("crop", (start_frame, end_frame), f"0 <= start < end <= {self.frames} frames")
+        rotations = None if self.rotations is None else self.rotations[start_frame:end_frame]
+        return Motion(self.positions[start_frame:end_frame], self.fps, self.skeleton, rotations)
+
+    def save(self, path: Path | str, **options: Any) -> None:
+        """Write to a file by its extension: .bvh .npy .npz .glb .mp4 .gif .html (options go to that format)."""
+        from motionary.formats import write_motion
+
+        write_motion(self, path, **options)
+
+    def __repr__(self) -> str:
+        rotations = "" if self.rotations is None else ", rotations"
+        return f"Motion({self.frames} frames, {self.fps:g} fps, {self.skeleton.name}{rotations})"
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return float("nan")
+
+
+def _array(name: str, values: Any, tail: tuple[int, int]) -> np.ndarray:
+    """float32 values of shape (T, *tail), finite, T >= 1."""
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float32)
+    except (TypeError, ValueError):
+        raise InputError(name, type(values).__name__, f"numbers of shape (T, {tail[0]}, {tail[1]})") from None
+    if array.ndim != 3 or array.shape[1:] != tail or len(array) < 1:
+        raise InputError(name, array.shape, f"shape (T, {tail[0]}, {tail[1]}) with T >= 1")
+    if not np.isfinite(array).all():
+        frame, joint = np.argwhere(~np.isfinite(array))[0][:2]
+        raise InputError(name, f"frame {frame}, joint {joint}", "values must be finite (no NaN, no infinity)")
+    return array

@@ -1,0 +1,245 @@
+"""Skeletons are data: joints, parents, rest offsets, chains, feet and left/right pairs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from motionary.errors import InputError
+from motionary.motion.rigs import find_roles
+
+NAMED = ("smpl22", "kit21")
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A rooted tree of joints in its rest pose.
+
+    The rest pose is T-pose-like, faces +z, y is up and the left side is at +x. Parents stand before their children.
+    Two skeletons are equal when their contents are.
+
+    Attributes:
+        name: short name, for people.
+        joints: (J,) unique joint names.
+        parents: (J,) index of each joint's parent, -1 for the root, which is joint 0.
+        offsets: (J, 3) rest offset of each joint from its parent, metres.
+        chains: kinematic chains, joint indices; the first ones start at the root.
+        pairs: (left, right) joint indices.
+        feet: left ankle, left toe, right ankle, right toe.
+        hips, shoulders: (left, right).
+        directions: (J, 3) raw unit bone directions of the HumanML3D codec; None where they follow from the offsets.
+        codec_swaps_sides: the HumanML3D codec takes this skeleton's left side for its right one. KIT-ML's released
+            joints live in a mirrored world, so that its release lists the left joints where the right ones belong.
+
+    Raises:
+        InputError: a shape, an index or a value is wrong.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: np.ndarray
+    chains: tuple[tuple[int, ...], ...]
+    pairs: tuple[tuple[int, int], ...]
+    feet: tuple[int, int, int, int]
+    hips: tuple[int, int]
+    shoulders: tuple[int, int]
+    directions: np.ndarray | None = field(default=None)
+    codec_swaps_sides: bool = False
+
+    def __post_init__(self):
+        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731 (frozen dataclass)
+        for name in ("joints", "parents", "feet", "hips", "shoulders"):
+            put(name, tuple(getattr(self, name)))
+        for name in ("chains", "pairs"):
+            put(name, tuple(tuple(row) for row in getattr(self, name)))
+        put("offsets", _frozen_array(self.offsets))
+        if self.directions is not None:
+            put("directions", _frozen_array(self.directions))
+        _check(self)
+
+    @staticmethod
+    def named(name: str) -> Skeleton:
+        """A skeleton that comes with the package: ``smpl22`` (HumanML3D) or ``kit21`` (KIT-ML).
+
+        Raises:
+            InputError: no such skeleton.
+        """
+        if name not in NAMED:
+            raise InputError("skeleton", name, f"one of {', '.join(NAMED)}")
+        return _named(name)
+
+    @staticmethod
+    def from_rig(name: str, joints: Sequence[str], parents: Sequence[int], offsets: np.ndarray) -> Skeleton:
+        """A skeleton from its tree alone: chains, pairs, feet, hips and shoulders follow from the joints' names.
+
+        Where a rig is unknown, feet, hips and shoulders point at the root: such a motion can be read, converted and
+        drawn, but `retarget` refuses it, naming the roles it misses.
+
+        Args:
+            name: name of the new skeleton.
+            joints: (J,) unique names.
+            parents: (J,) parent indices, -1 for the root.
+            offsets: (J, 3) rest offsets, metres.
+        """
+        roles = find_roles(tuple(joints))
+        at = lambda *names: tuple(roles.get(n, 0) for n in names)  # noqa: E731
+        # A rig without toes (DAZ) stands on its ankles.
+        feet = tuple(
+            roles.get(f"{s}_{n}", roles.get(f"{s}_ankle", 0)) for s in ("left", "right") for n in ("ankle", "foot")
+        )
+        return Skeleton(
+            name=name,
+            joints=tuple(joints),
+            parents=tuple(int(p) for p in parents),
+            offsets=offsets,
+            chains=_chains(parents),
+            pairs=_pairs(joints, roles),
+            feet=feet,
+            hips=at("left_hip", "right_hip"),
+            shoulders=at("left_shoulder", "right_shoulder"),
+        )
+
+    @cached_property
+    def roles(self) -> dict[str, int]:
+        """Joint index by role (``pelvis``, ``left_wrist``, ``head``, ...: the SMPL joint names), where known."""
+        return find_roles(self.joints)
+
+    @cached_property
+    def bone_lengths(self) -> np.ndarray:
+        """(J,) length of the bone that ends in each joint, metres; 0 for the root."""
+        return np.linalg.norm(self.offsets, axis=-1)
+
+    @cached_property
+    def codec_directions(self) -> np.ndarray:
+        """(J, 3) unit bone directions that the HumanML3D codec rotates from: `directions`, or those of the offsets."""
+        if self.directions is not None:
+            return self.directions
+        length = self.bone_lengths[:, None]
+        return np.where(length > 1e-6, self.offsets / np.maximum(length, 1e-6), np.float32([0, 1, 0])).astype(
+            np.float32
+        )
+
+    def with_offsets(self, offsets: np.ndarray) -> Skeleton:
+        """The same tree with other rest offsets (J, 3), metres."""
+        return Skeleton(**{**_fields(self), "offsets": offsets})
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values for a JSON file; `from_json` reads them back exactly."""
+        plain = _fields(self)
+        plain["offsets"] = self.offsets.tolist()
+        plain["directions"] = None if self.directions is None else self.directions.tolist()
+        return {
+            key: [list(v) if isinstance(v, tuple) else v for v in value] if isinstance(value, tuple) else value
+            for key, value in plain.items()
+        }
+
+    @staticmethod
+    def from_json(data: Mapping[str, Any]) -> Skeleton:
+        """The skeleton that `to_json` wrote.
+
+        Raises:
+            InputError: a key is missing or unknown, or its value is wrong.
+        """
+        known = set(Skeleton.__dataclass_fields__)
+        if unknown := set(data) - known:
+            raise InputError("skeleton", sorted(unknown), f"keys must be among {sorted(known)}")
+        if missing := known - {"directions", "codec_swaps_sides"} - set(data):
+            raise InputError("skeleton", sorted(missing), "these keys are missing")
+        return Skeleton(**data)
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Skeleton) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
+
+    @cached_property
+    def _content(self) -> tuple:
+        plain = _fields(self)
+        directions = None if self.directions is None else self.directions.tobytes()
+        return tuple({**plain, "offsets": self.offsets.tobytes(), "directions": directions}.values())
+
+
+@lru_cache
+def _named(name: str) -> Skeleton:
+    return Skeleton.from_json(json.loads((files("motionary.motion") / "skeletons" / f"{name}.json").read_text("utf-8")))
+
+
+def _fields(skeleton: Skeleton) -> dict[str, Any]:
+    return {name: getattr(skeleton, name) for name in Skeleton.__dataclass_fields__}
+
+
+def _frozen_array(values: Any) -> np.ndarray:
+    array = np.array(values, dtype=np.float32)
+    array.flags.writeable = False
+    return array
+
+
+def _check(skeleton: Skeleton) -> None:
+    what, count = f"skeleton {skeleton.name}", len(skeleton.joints)
+    if count < 1 or len(set(skeleton.joints)) != count:
+        raise InputError(what, skeleton.joints, "joint names must be unique, at least one")
+    ordered = len(skeleton.parents) == count and skeleton.parents[0] == -1
+    if not ordered or any(not 0 <= p < j for j, p in enumerate(skeleton.parents) if j):
+        raise InputError(
+            what, skeleton.parents, "parents: one per joint, -1 for the root alone, parents before children"
+        )
+    for name in ("offsets", "directions"):
+        array = getattr(skeleton, name)
+        if array is not None and (array.shape != (count, 3) or not np.isfinite(array).all()):
+            raise InputError(f"{what}.{name}", array.shape, f"finite values of shape ({count}, 3)")
+    for name, length in (("feet", 4), ("hips", 2), ("shoulders", 2)):
+        if len(getattr(skeleton, name)) != length:
+            raise InputError(f"{what}.{name}", getattr(skeleton, name), f"{length} joint indices")
+    groups = (*skeleton.chains, *skeleton.pairs, skeleton.feet, skeleton.hips, skeleton.shoulders)
+    if any(not 0 <= j < count for group in groups for j in group):
+        raise InputError(what, groups, f"joint indices from 0 to {count - 1}")
+
+
+def _chains(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+    """Split the tree into chains: each goes on through the child with the longest way to a leaf."""
+    children: list[list[int]] = [[] for _ in parents]
+    depth = [0] * len(parents)
+    for joint in range(len(parents) - 1, 0, -1):
+        children[parents[joint]].append(joint)
+        depth[parents[joint]] = max(depth[parents[joint]], depth[joint] + 1)
+    chains = []
+    starts = [(0, child) for child in reversed(children[0])]
+    while starts:
+        begin, joint = starts.pop(0)
+        chain = [begin, joint]
+        while children[joint]:
+            onward = max(children[joint], key=lambda child: depth[child])
+            starts += [(joint, child) for child in reversed(children[joint]) if child != onward]
+            chain.append(onward)
+            joint = onward
+        chains.append(tuple(chain))
+    return tuple(chains) or ((0,),)
+
+
+def _pairs(joints: Sequence[str], roles: Mapping[str, int]) -> tuple[tuple[int, int], ...]:
+    """Pairs by role, and by name for what has no role (fingers, twist bones)."""
+    pairs = {roles[r]: roles["right" + r[4:]] for r in roles if r.startswith("left") and "right" + r[4:] in roles}
+    index = {name: i for i, name in enumerate(joints)}
+    swaps = (("Left", "Right"), ("left", "right"), ("_L_", "_R_"), ("L", "R"), ("l", "r"))
+    for left, i in index.items():
+        for a, b in swaps:
+            spots = (
+                b + left[len(a) :] if left.startswith(a) else left,
+                left[: -len(a)] + b if left.endswith(a) else left,
+            )
+            spots = (*spots, left.replace(a, b, 1)) if len(a) > 1 else spots
+            right = next((s for s in spots if s != left and s in index), None)
+            if right is not None and i not in pairs and index[right] not in pairs.values():
+                pairs[i] = index[right]
+    return tuple(sorted(pairs.items()))
