@@ -1,0 +1,111 @@
+"""The bone rotations behind the HumanML3D features: quaternions xyzw, components first, all joints at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motionary.errors import InputError
+from motionary.motion import Skeleton
+
+
+def chain_order(skeleton: Skeleton) -> tuple[np.ndarray, np.ndarray]:
+    """Bones in chain order.
+
+    Returns:
+        (J - 1, 2) joints where each bone begins and ends, and (J - 1,) the number of the bone before it in its chain,
+        -1 for the first of a chain.
+
+    Raises:
+        InputError: the chains do not reach every joint once, or begin at a joint not reached yet.
+    """
+    order: list[tuple[int, int]] = []
+    before: list[int] = []
+    reached = {0}
+    for chain in skeleton.chains:
+        if chain[0] not in reached:
+            raise InputError(f"skeleton {skeleton.name}", chain, "a chain must begin at a joint of an earlier chain")
+        for k in range(len(chain) - 1):
+            before.append(-1 if k == 0 else len(order) - 1)
+            order.append((chain[k], chain[k + 1]))
+            reached.add(chain[k + 1])
+    if len(order) != len(skeleton) - 1 or len(reached) != len(skeleton):
+        raise InputError(f"skeleton {skeleton.name}", skeleton.chains, "chains must reach every joint exactly once")
+    return np.array(order, dtype=np.int64).reshape(-1, 2), np.array(before, dtype=np.int64)
+
+
+def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The least rotation from unit vectors start (3, ...) to the directions of end (3, ...), as (4, ...).
+
+    Opposite directions turn about a fixed axis across `start`; a vector without length gives the zero quaternion.
+    """
+    x, y, z = start
+    a, b, c = end
+    length = np.sqrt(a * a + b * b + c * c)
+    turn = np.stack([y * c - z * b, z * a - x * c, x * b - y * a, length + x * a + y * b + z * c])
+    norm = np.sqrt((turn * turn).sum(axis=0))
+    opposite = (norm < 1e-7 * length) & (length > 1e-8)
+    if opposite.any():
+        axes = np.zeros_like(turn)
+        axes[:3] = _across(start)
+        turn, norm = np.where(opposite, axes, turn), np.where(opposite, 1.0, norm)
+    return np.where(length > 1e-8, turn / np.maximum(norm, 1e-30), 0.0)
+
+
+def hold_unknown(turned: np.ndarray, root: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Zero quaternions of (4, T, bones) replaced by the rotation of the bone before (root (4, T) before the first)."""
+    unknown = ~turned.any(axis=0)
+    for bone in np.flatnonzero(unknown.any(axis=0)):
+        source = root if before[bone] < 0 else turned[..., before[bone]]
+        turned[..., bone] = np.where(unknown[:, bone], source, turned[..., bone])
+    return turned
+
+
+def relative(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """before^-1 after, unit quaternions (4, ...)."""
+    x, y, z, w = before
+    a, b, c, d = after
+    return np.stack(
+        [
+            w * a - x * d - y * c + z * b,
+            w * b + x * c - y * d - z * a,
+            w * c - x * b + y * a - z * d,
+            w * d + x * a + y * b + z * c,
+        ]
+    )
+
+
+def first_columns(quaternion: np.ndarray) -> np.ndarray:
+    """(6, ...): the first two columns of the matrices of unit quaternions (4, ...) (Zhou et al. 2019)."""
+    x, y, z, w = quaternion
+    return np.stack(
+        [
+            1 - 2 * (y * y + z * z),
+            2 * (x * y + z * w),
+            2 * (x * z - y * w),
+            2 * (x * y - z * w),
+            1 - 2 * (x * x + z * z),
+            2 * (y * z + x * w),
+        ]
+    )
+
+
+def matrices(sixd: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) rotation matrices of 6-D rotations (..., 6) by Gram-Schmidt (Zhou et al. 2019), finite for any."""
+    first = _unit(sixd[..., :3], np.array([1.0, 0.0, 0.0]))
+    third = np.cross(first, sixd[..., 3:])
+    # Columns in line leave the turn about the first open: take any.
+    third = _unit(third, np.moveaxis(_across(np.moveaxis(first, -1, 0)), 0, -1))
+    return np.stack([first, np.cross(third, first), third], axis=-1)
+
+
+def _unit(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > 1e-8, vectors / np.maximum(length, 1e-8), otherwise)
+
+
+def _across(unit: np.ndarray) -> np.ndarray:
+    """A unit vector across each of the unit vectors (3, ...)."""
+    x, y, z = unit
+    zero = np.zeros_like(x)
+    axis = np.where(np.abs(x) < 0.9, np.stack([zero, z, -y]), np.stack([-z, zero, x]))
+    return axis / np.sqrt((axis * axis).sum(axis=0))
