@@ -1,0 +1,32 @@
+"""Captions: normalizing, tagging, mirroring, vocabulary, word vectors and the frozen language model.
+
+The tagger (spaCy) and the language model (transformers) load when first used, never on import.
+"""
+
+from motionary.language.annotate import Sentence, annotate, sentence_from_tokens
+from motionary.language.frozen import PACKAGED, model_name, packaged_model, sentence_embeddings
+from motionary.language.lexicon import TAGS
+from motionary.language.mirror import mirror_text
+from motionary.language.text import check_prompt
+from motionary.language.vectors import word_vectors
+from motionary.language.vocabulary import END, MAX_WORDS, PAD, START, UNKNOWN, Vocabulary
+
+__all__ = [
+    "END",
+    "MAX_WORDS",
+    "PACKAGED",
+    "PAD",
+    "START",
+    "TAGS",
+    "UNKNOWN",
+    "Sentence",
+    "Vocabulary",
+    "annotate",
+    "check_prompt",
+    "mirror_text",
+    "model_name",
+    "packaged_model",
+    "sentence_embeddings",
+    "sentence_from_tokens",
+    "word_vectors",
+]

