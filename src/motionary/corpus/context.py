@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..features import codec as make_codec
-from ..language import Vocabulary
-from ..motion import Skeleton
+from motionary.errors import InputError
+from motionary.language import Vocabulary
+from motionary.motion import Skeleton
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +64,9 @@ class Context:
 
     def make_codec(self):
         """The codec that encodes and decodes this corpus's features."""
-        return make_codec(self.codec, self.skeleton)
+        from motionary.features import codec
+
+        return codec(self.codec, self.skeleton)
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; float32 survives the round trip exactly."""

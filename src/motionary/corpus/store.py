@@ -11,11 +11,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..errors import InputError
-from ..motion import Motion
-from .context import Context
-
-SPLITS = ("train", "val", "test")
+from motionary.corpus.context import Context
+from motionary.corpus.splits import SPLITS
+from motionary.errors import InputError
+from motionary.motion import Motion
 
 CLIP_SCHEMA = pa.schema(
     [

@@ -1,0 +1,195 @@
+"""Clips and captions as a source lists them, and the reader of `clips.jsonl`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any, Protocol
+
+from motionary.errors import InputError
+from motionary.motion import Motion
+
+MOTION_FILES = (".bvh", ".npy", ".npz", ".amc")
+BARE_ARRAYS = (".npy",)
+LONGEST_CAPTION = 1000
+LONGEST_LABEL = 100
+TOLERANCE = 0.1  # s by which a caption may overhang its clip: labels are rounded to frames of another rate
+
+
+@dataclass(frozen=True)
+class Caption:
+    """A sentence about a stretch of a clip, in seconds; None is the clip's own start or end. `source` names where
+    the sentence comes from ("humanml3d", "class-template", ...; "" where unknown); `tokens` are its tagged words
+    ("walk/VERB") where a release brings them."""
+
+    text: str
+    start: float | None = None
+    end: float | None = None
+    source: str = ""
+    tokens: tuple[str, ...] = ()
+
+    @property
+    def human(self) -> bool:
+        """Whether a person wrote it, as far as its source tells: not a template nor the demo's grammar."""
+        return "template" not in self.source and self.source != "grammar"
+
+
+class Loader(Protocol):
+    """Reads one clip's motion; picklable, since it runs in another process. Demo clips bring their labels along."""
+
+    def __call__(self, clip: Clip) -> tuple[Motion, Clip]: ...
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One source clip.
+
+    Attributes:
+        id: unique over all roots, `<root name>/<path without extension>`.
+        load: reads the motion (see `Loader`).
+        where: file and line to name in a complaint.
+        split: "train", "val" or "test" where the source says so, else "".
+        origin: id of the clip that this one is a mirrored copy of, else its own.
+        mirrored: the source's own mirrored copy.
+        mirrors: whether preprocess may add a mirrored copy (False where the source brings its own).
+    """
+
+    id: str
+    load: Loader
+    where: str
+    group: str
+    fps: float | None = None
+    subject: str = ""
+    style: str = ""
+    action: str = ""
+    captions: tuple[Caption, ...] = ()
+    split: str = ""
+    origin: str = ""
+    mirrored: bool = False
+    mirrors: bool = True
+
+    def __post_init__(self):
+        if not self.origin:
+            object.__setattr__(self, "origin", self.id)
+
+
+def checked_captions(clip: Clip, duration: float) -> tuple[Clip, list[InputError]]:
+    """The clip with every caption inside 0 .. duration (s): overhang up to 0.1 s is clamped, more drops the caption."""
+    kept, problems = [], []
+    for caption in clip.captions:
+        start = 0.0 if caption.start is None else caption.start
+        end = duration if caption.end is None else caption.end
+        if start < -TOLERANCE or end > duration + TOLERANCE or start >= min(end, duration):
+            span = f"{start:g}..{end:g} s"
+            problems.append(InputError(clip.where, span, f"caption must lie inside the clip, 0..{duration:.2f} s"))
+            continue
+        kept.append(replace(caption, start=max(start, 0.0), end=min(end, duration)))
+    return replace(clip, captions=tuple(kept)), problems
+
+
+def read_listing(path: Path, parse, where: str | None = None) -> tuple[list, list[InputError]]:
+    """Parse each line of a JSON-lines file; a bad line becomes a problem that names file and line.
+
+    Args:
+        parse: (values: dict, where: str, problems: list) -> item or None; may raise InputError.
+        where: how to name the file in complaints (default: the path).
+    """
+    items, problems = [], []
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        for number, line in enumerate(lines, 1):
+            if not line.strip():
+                continue
+            place = f"{where or path}:{number}"
+            try:
+                values = json.loads(line)
+                if not isinstance(values, dict):
+                    raise InputError(place, line.strip(), "must be one JSON object per line")
+                items.append(parse(values, place, problems))
+            except (json.JSONDecodeError, RecursionError):
+                problems.append(InputError(place, line.strip(), "must be one JSON object per line"))
+            except InputError as problem:
+                problems.append(problem)
+    return items, problems
+
+
+def label(values: dict[str, Any], key: str, where: str) -> str:
+    """A short string or nothing."""
+    value = values.get(key)
+    if value is None:
+        return ""
+    if not isinstance(value, str) or len(value) > LONGEST_LABEL:
+        raise InputError(f"{where}: {key}", value, f"must be a string of at most {LONGEST_LABEL} characters")
+    return value.strip()
+
+
+def inside(root: Path, values: dict[str, Any], where: str) -> PurePosixPath:
+    """The path of a listed motion, relative to its folder; it must exist there and be of a known kind."""
+    value = values.get("motion")
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{where}: motion", value, "must be the path of a motion file inside the folder")
+    relative = PurePosixPath(value)
+    if relative.is_absolute() or ".." in relative.parts:
+        raise InputError(f"{where}: motion", value, "must stay inside the folder")
+    if relative.suffix.lower() not in MOTION_FILES:
+        raise InputError(f"{where}: motion", value, f"must end in {', '.join(MOTION_FILES)}")
+    if not (root / relative).is_file():
+        raise InputError(f"{where}: motion", value, "is listed but absent")
+    return relative
+
+
+def rate(values: dict[str, Any], relative: PurePosixPath, where: str) -> float | None:
+    """Frames per second of a listed motion, None where the file itself tells."""
+    value = values.get("fps")
+    if value is None:
+        if relative.suffix.lower() in BARE_ARRAYS:
+            raise InputError(f"{where}: fps", "missing", "is needed for arrays")
+        return None
+    if not _number(value) or not 0 < value <= 1000:
+        raise InputError(f"{where}: fps", value, "must be a number above 0 and at most 1000")
+    return float(value)
+
+
+def captions(values: dict[str, Any], where: str, problems: list[InputError]) -> tuple[Caption, ...]:
+    """The usable captions of a line; each bad one becomes a problem and is left out."""
+    listed = values.get("captions") or []
+    if not isinstance(listed, list):
+        raise InputError(f"{where}: captions", listed, "must be a list of {text, start, end, source}")
+    return tuple(_usable(listed, where, problems))
+
+
+def check_text(text: Any, where: str) -> str:
+    """A caption's text, stripped; InputError where it is empty, huge or not English."""
+    if not isinstance(text, str) or not text.strip():
+        raise InputError(where, text, "caption must be a non-empty string")
+    text = " ".join(text.split())
+    if len(text) > LONGEST_CAPTION:
+        raise InputError(
+            where, f"{text[:40]}... ({len(text)} characters)", f"must have <= {LONGEST_CAPTION} characters"
+        )
+    letters = [character for character in text if character.isalpha()]
+    if not letters or sum(character.isascii() for character in letters) < 0.75 * len(letters):
+        raise InputError(where, text, "caption must be English")
+    return text
+
+
+def _usable(listed: list, where: str, problems: list[InputError]) -> Iterator[Caption]:
+    for position, entry in enumerate(listed):
+        place = f"{where}: captions[{position}]"
+        try:
+            if not isinstance(entry, dict):
+                raise InputError(place, entry, "must be an object {text, start, end, source}")
+            text = check_text(entry.get("text"), f"{place}.text")
+            times = [entry.get(key) for key in ("start", "end")]
+            for key, time in zip(("start", "end"), times, strict=True):
+                if time is not None and not _number(time):
+                    raise InputError(f"{place}.{key}", time, "must be a finite number of seconds")
+            yield Caption(text, *times, source=label(entry, "source", place))
+        except InputError as problem:
+            problems.append(problem)
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

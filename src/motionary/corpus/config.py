@@ -1,0 +1,129 @@
+"""The `data` section of the configuration, checked where it enters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+from motionary.corpus.splits import KINDS
+from motionary.errors import InputError
+
+SOURCES = ("demo", "folder", "humanml3d")
+
+
+@dataclass(frozen=True)
+class DataConfig:
+    """What corpus to build.
+
+    Attributes:
+        name: a name for reports.
+        source: "demo", "folder" or "humanml3d".
+        roots: data folders; none for the demo.
+        fps: rate of the corpus.
+        skeleton: target skeleton of retargeting ("smpl22", "kit21").
+        codec: feature codec.
+        min_seconds, max_seconds: shorter segments are dropped, longer ones cut into equal pieces.
+        split: "clip", "subject", "combination" or "given" (see `splits.split_clips`).
+        ratios: shares of train, val and test.
+        seed: of the split and of the demo corpus.
+        mirror: add a mirrored copy, with mirrored captions, of every training window.
+        strict: stop at the first bad clip in place of reporting it.
+        workers: parallel processes; 0 takes one per core. The result does not depend on it.
+        min_count: rarer words of the training captions become unknown.
+        clips: number of demo clips.
+    """
+
+    name: str = "demo"
+    source: str = "demo"
+    roots: tuple[str, ...] = ()
+    fps: float = 20.0
+    skeleton: str = "smpl22"
+    codec: str = "humanml3d"
+    min_seconds: float = 2.0
+    max_seconds: float = 10.0
+    split: str = "clip"
+    ratios: tuple[float, float, float] = (0.8, 0.05, 0.15)
+    seed: int = 0
+    mirror: bool = True
+    strict: bool = False
+    workers: int = 0
+    min_count: int = 1
+    clips: int = 2000
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> DataConfig:
+        """From the configuration; InputError names `data.<key>` where a key is unknown or a value out of range."""
+        known = {field.name for field in fields(cls)}
+        for key in values:
+            if key not in known:
+                raise InputError(f"data.{key}", values[key], f"unknown key; known: {', '.join(sorted(known))}")
+        values = dict(values)
+        for key in ("roots", "ratios"):
+            if key in values:
+                value = values[key]
+                if isinstance(value, str) or not isinstance(value, Sequence):
+                    raise InputError(f"data.{key}", value, "must be a list")
+                values[key] = tuple(value)
+        return cls(**values)
+
+    def __post_init__(self):
+        self._text("name", "source", "skeleton", "codec", "split")
+        self._choice("source", SOURCES)
+        self._choice("split", KINDS)
+        self._whole("seed", 0, 2**31 - 1)
+        self._whole("workers", 0, 1024)
+        self._whole("min_count", 1, 10**6)
+        self._whole("clips", 1, 10**7)
+        self._real("fps", 1, 240)
+        self._real("min_seconds", 0.5, 600)
+        self._real("max_seconds", 0.5, 600)
+        if self.max_seconds < 2 * self.min_seconds:
+            raise InputError("data.max_seconds", self.max_seconds, "must be at least twice min_seconds, to cut clips")
+        for key in ("mirror", "strict"):
+            if not isinstance(getattr(self, key), bool):
+                raise InputError(f"data.{key}", getattr(self, key), "must be true or false")
+        self._roots()
+        self._ratios()
+
+    def _roots(self):
+        for root in self.roots:
+            if not isinstance(root, str) or not root.strip():
+                raise InputError("data.roots", root, "must be paths of folders")
+        if len(set(self.roots)) < len(self.roots):
+            raise InputError("data.roots", self.roots, "must name each folder once")
+        if self.source == "demo" and self.roots:
+            raise InputError("data.roots", self.roots, "the demo reads no folder; use data=folder for your own clips")
+        if self.source != "demo" and not self.roots:
+            raise InputError("data.roots", "[]", f"source {self.source} needs at least one folder")
+
+    def _ratios(self):
+        rule = "must be three shares (train, val, test) from 0 to 1 that sum to 1, train above 0"
+        good = len(self.ratios) == 3 and all(_is_real(share) and 0 <= share <= 1 for share in self.ratios)
+        if not good or not math.isclose(sum(self.ratios), 1, abs_tol=1e-6) or self.ratios[0] <= 0:
+            raise InputError("data.ratios", list(self.ratios), rule)
+
+    def _text(self, *keys: str):
+        for key in keys:
+            value = getattr(self, key)
+            if not isinstance(value, str) or not value.strip():
+                raise InputError(f"data.{key}", value, "must be a non-empty string")
+
+    def _choice(self, key: str, choices: Sequence[str]):
+        if getattr(self, key) not in choices:
+            raise InputError(f"data.{key}", getattr(self, key), f"must be one of {', '.join(choices)}")
+
+    def _whole(self, key: str, low: int, high: int):
+        value = getattr(self, key)
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            raise InputError(f"data.{key}", value, f"must be a whole number in {low}..{high}")
+
+    def _real(self, key: str, low: float, high: float):
+        value = getattr(self, key)
+        if not _is_real(value) or not low <= value <= high:
+            raise InputError(f"data.{key}", value, f"must be a number in {low:g}..{high:g}")
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,207 @@
+"""What batches are drawn from: windows of motion, and captioned motions. All gathers are vectorized."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from motionary.corpus.batch import Batch
+from motionary.corpus.store import Corpus
+from motionary.corpus.tokens import TokenStore
+from motionary.errors import InputError
+from motionary.language import PAD, TAGS, Sentence
+
+
+class Windows:
+    """Windows of fixed length for autoencoder and tokenizer, from captioned and uncaptioned clips alike.
+
+    A clip appears once per `window` frames it has (`uniform=True`: once), so long clips count by their length. With
+    `random` the start is drawn anew each time, otherwise windows lie evenly over the clip. A clip shorter than the
+    window comes whole, padded with zeros; `frames` says how many are valid.
+
+    Args:
+        split: "train", "val" or "test".
+        window: frames.
+        random: random starts; by default only in training.
+        group_weights: root name -> how much more often its clips are drawn (with replacement; epochs keep length).
+    """
+
+    def __init__(
+        self,
+        corpus: Corpus,
+        split: str = "train",
+        window: int = 64,
+        *,
+        random: bool | None = None,
+        uniform: bool = False,
+        group_weights: Mapping[str, float] | None = None,
+    ):
+        if window < 1:
+            raise InputError("window", window, "must be at least 1 frame")
+        self.corpus, self.window = corpus, window
+        self.random = split == "train" if random is None else random
+        rows = _rows(corpus, split, None)
+        length = corpus.clips.length[rows]
+        copies = np.ones_like(length) if uniform else np.maximum(length // window, 1)
+        self.rows = np.repeat(rows, copies)
+        nth = np.arange(len(self.rows)) - np.repeat(np.cumsum(copies) - copies, copies)
+        spare = np.maximum(corpus.clips.length[self.rows] - window, 0)
+        self.starts = spare * nth // np.maximum(np.repeat(copies, copies) - 1, 1)
+        self.lengths = np.minimum(corpus.clips.length[self.rows], window)
+        self.weights = _weights(corpus, self.rows, group_weights)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def collate(self, indices: np.ndarray, rng: np.random.Generator) -> Batch:
+        """Batch of the given entries: clip, motion (B, window, D), frames, style, action."""
+        rows, count, start = self.rows[indices], self.lengths[indices], self.starts[indices]
+        if self.random:
+            start = rng.integers(0, self.corpus.clips.length[rows] - count + 1)
+        motion = _gather(self.corpus.frames, self.corpus.clips.offset[rows] + start, count, self.window)
+        return Batch(
+            clip=_long(rows), motion=torch.from_numpy(motion), frames=_long(count), **_labels(self.corpus, rows)
+        )
+
+
+class Pairs:
+    """Captioned windows at their full length, with one caption each.
+
+    Args:
+        split: "train", "val" or "test".
+        tokens: adds the motion tokens of each window.
+        drop_unit: in this share of the draws one unit (4 frames, 1 token) is dropped from head or tail; only where
+            `random`.
+        weights: root name -> how much more often its clips are drawn (with replacement; epochs keep length).
+        all_captions: one entry per caption in place of one per clip.
+        random: draw the caption (and the dropped unit) at random; by default only in training without
+            `all_captions`. Otherwise an entry is a clip's first caption.
+        max_words: longer captions are cut.
+        motion: False leaves the features out (token models do not need them).
+        mirrored: False leaves the mirrored copies out.
+    """
+
+    def __init__(
+        self,
+        corpus: Corpus,
+        split: str = "train",
+        tokens: TokenStore | None = None,
+        drop_unit: float = 1 / 3,
+        weights: Mapping[str, float] | None = None,
+        all_captions: bool = False,
+        *,
+        random: bool | None = None,
+        max_words: int = 20,
+        motion: bool = True,
+        mirrored: bool = True,
+    ):
+        if tokens is not None and len(tokens) != len(corpus):
+            raise InputError("tokens", len(tokens), f"must have one entry per window of the corpus, {len(corpus)}")
+        if not 0 <= drop_unit <= 1:
+            raise InputError("drop_unit", drop_unit, "must lie in 0..1")
+        self.corpus, self.tokens, self.drop_unit, self.with_motion = corpus, tokens, drop_unit, motion
+        self.random = (split == "train" and not all_captions) if random is None else random
+        rows = _rows(corpus, split, True)
+        if not mirrored:
+            rows = rows[~corpus.clips.mirrored[rows]]
+        first, last = corpus.caption_start[rows], corpus.caption_start[rows + 1]
+        if all_captions:
+            rows = np.repeat(rows, last - first)
+            first = np.flatnonzero(np.isin(corpus.captions.clip, rows))
+            last = first + 1
+        self.rows, self.first, self.last = rows, first, last
+        self.lengths = corpus.clips.length[rows]
+        self.weights = _weights(corpus, rows, weights)
+        self.words, self.tags, self.word_count = _encode(corpus, max_words)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def collate(self, indices: np.ndarray, rng: np.random.Generator) -> Batch:
+        """Batch of the given entries with every field set (motion and tokens where asked for)."""
+        rows, caption = self.rows[indices], self.first[indices]
+        count, start = self.corpus.clips.length[rows], np.zeros(len(rows), dtype=np.int64)
+        unit = self.corpus.context.unit
+        if self.random:
+            caption = rng.integers(self.first[indices], self.last[indices])
+            drop = (rng.random(len(rows)) < self.drop_unit) & (count > unit)
+            start = np.where(drop & (rng.random(len(rows)) < 0.5), unit, 0)
+            count = count - unit * drop
+        words = self.word_count[caption]
+        batch = Batch(
+            clip=_long(rows),
+            frames=_long(count),
+            words=_long(self.words[caption, : words.max()]),
+            tags=_long(self.tags[caption, : words.max()]),
+            word_count=_long(words),
+            text_key=_long(self.corpus.captions.key[caption]),
+            caption=_long(caption),
+            **_labels(self.corpus, rows),
+        )
+        if self.with_motion:
+            offset = self.corpus.clips.offset[rows] + start
+            batch.motion = torch.from_numpy(_gather(self.corpus.frames, offset, count, int(count.max())))
+        if self.tokens is not None:
+            offset = self.tokens.offsets[rows] + start // unit
+            tokens = _gather(self.tokens.tokens, offset, count // unit, int(count.max()) // unit)
+            batch.tokens, batch.token_count = _long(tokens), _long(count // unit)
+        return batch
+
+
+def _rows(corpus: Corpus, split: str, captioned: bool | None) -> np.ndarray:
+    rows = corpus.rows(split, captioned)
+    if not len(rows):
+        kind = "captioned windows" if captioned else "windows"
+        raise InputError(corpus.folder, split, f"split has no {kind}; add clips or change data.ratios or data.seed")
+    return rows
+
+
+def _weights(corpus: Corpus, rows: np.ndarray, groups: Mapping[str, float] | None) -> np.ndarray | None:
+    """(entries,) draw probabilities, or None for every entry once."""
+    if not groups:
+        return None
+    known = set(np.unique(corpus.clips.group))
+    for name, value in groups.items():
+        if name not in known:
+            raise InputError("group_weights", name, f"must name one of the roots {', '.join(sorted(known))}")
+        if not value > 0:
+            raise InputError(f"group_weights.{name}", value, "must be positive")
+    weights = np.array([groups.get(group, 1.0) for group in corpus.clips.group[rows]], dtype=np.float64)
+    return weights / weights.sum()
+
+
+def _encode(corpus: Corpus, max_words: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Word ids (captions, N), tag ids (captions, N) and counts (captions,) of every caption; equal texts once."""
+    captions, vocabulary = corpus.captions, corpus.context.vocabulary
+    words = np.full((len(captions), max_words + 2), PAD, dtype=np.int32)
+    tags = np.full_like(words, TAGS.index("OTHER"))
+    counts = np.zeros(len(captions), dtype=np.int64)
+    known: dict[tuple, tuple] = {}
+    for i, sentence in enumerate(zip(captions.words, captions.tags, strict=True)):
+        if sentence not in known:
+            known[sentence] = vocabulary.encode(Sentence(captions.text[i], *sentence), max_words=max_words)
+        ids, tag_ids = known[sentence]
+        counts[i] = len(ids)
+        words[i, : len(ids)], tags[i, : len(ids)] = ids, tag_ids
+    return words, tags, counts
+
+
+def _gather(values: np.ndarray, offset: np.ndarray, count: np.ndarray, length: int) -> np.ndarray:
+    """(B, length, ...) stretches of `values` from `offset`, zero beyond `count`."""
+    step = np.arange(length)
+    # Padding re-reads the first frame of the stretch (always a valid index), then is zeroed.
+    index = offset[:, None] + np.where(step < count[:, None], step, 0)
+    out = values[index]
+    out[step >= count[:, None]] = 0
+    return out
+
+
+def _labels(corpus: Corpus, rows: np.ndarray) -> dict[str, Tensor]:
+    return {"style": _long(corpus.style_ids[rows]), "action": _long(corpus.action_ids[rows])}
+
+
+def _long(values: np.ndarray) -> Tensor:
+    return torch.from_numpy(np.asarray(values, dtype=np.int64))

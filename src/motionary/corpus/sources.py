@@ -1,0 +1,231 @@
+"""Where clips come from: the demo grammar, a folder of motions, or the released HumanML3D layout."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any, Protocol
+
+import numpy as np
+from tqdm import tqdm
+
+from motionary.corpus.clips import BARE_ARRAYS, MOTION_FILES, Caption, Clip, captions, inside, label, rate, read_listing
+from motionary.corpus.config import DataConfig
+from motionary.corpus.humanml3d import HumanML3DSource
+from motionary.errors import InputError
+from motionary.formats import read_motion
+from motionary.motion import Motion, Skeleton
+
+KNOWN_SKELETONS = ("smpl22", "kit21")
+
+
+class Source(Protocol):
+    """A place that lists clips.
+
+    Attributes:
+        name: becomes the group of its clips.
+    """
+
+    name: str
+
+    def clips(self) -> tuple[list[Clip], list[InputError]]:
+        """All clips, sorted by id, and the problems found while listing them. Reads no motion."""
+        ...
+
+
+@dataclass(frozen=True)
+class FileMotion:
+    """Loader of a motion file; `skeleton` names a known one where the listing does."""
+
+    path: str
+    skeleton: str = ""
+
+    def __call__(self, clip: Clip) -> tuple[Motion, Clip]:
+        options = {}
+        if clip.fps is not None:
+            options["fps"] = clip.fps
+        if self.skeleton:
+            options["skeleton"] = Skeleton.named(self.skeleton)
+        return read_motion(self.path, **options), clip
+
+
+@dataclass(frozen=True)
+class DemoMotion:
+    """Loader of one clip of the demo grammar, generated from its index."""
+
+    index: int
+    seed: int
+    fps: float
+
+    def __call__(self, clip: Clip) -> tuple[Motion, Clip]:
+        from motionary.corpus.demo import demo_clip
+
+        motion, labels = demo_clip(self.index, self.seed, self.fps)
+        texts = tuple(Caption(text, source="grammar") for text in labels["captions"])
+        return motion, replace(clip, style=labels["style"], action=labels["action"], captions=texts)
+
+
+class FolderSource:
+    """A folder with `clips.jsonl`, or any folder of .bvh, .amc, .npz and .npy files (then without captions).
+
+    Args:
+        root: the folder.
+        name: its name in clip ids and groups.
+        fps: rate of arrays that no listing describes.
+    """
+
+    def __init__(self, root: Path, name: str, fps: float = 20.0):
+        self.root, self.name, self.fps = root, name, fps
+
+    def clips(self) -> tuple[list[Clip], list[InputError]]:
+        """See `Source`; ids are unique, a second line about the same motion is a problem."""
+        listing = self.root / "clips.jsonl"
+        if listing.is_file():
+            found, problems = read_listing(listing, self._listed)
+        else:
+            found, problems = [self._found(path) for path in motion_files(self.root)], []
+            if not found:
+                raise InputError(self.root, "no motion", f"must hold clips.jsonl or {', '.join(MOTION_FILES)} files")
+        unique: dict[str, Clip] = {}
+        for clip in found:
+            if clip.id in unique:
+                problems.append(InputError(clip.where, clip.id, f"duplicate id, first seen at {unique[clip.id].where}"))
+            else:
+                unique[clip.id] = clip
+        return sorted(unique.values(), key=lambda clip: clip.id), problems
+
+    def _listed(self, values: dict, where: str, problems: list[InputError]) -> Clip:
+        relative = inside(self.root, values, where)
+        skeleton = label(values, "skeleton", where)
+        return Clip(
+            id=self._id(relative),
+            load=FileMotion(str(self.root / relative), skeleton if skeleton in KNOWN_SKELETONS else ""),
+            where=where,
+            group=self.name,
+            fps=rate(values, relative, where),
+            subject=label(values, "subject", where),
+            style=label(values, "style", where),
+            action=label(values, "action", where),
+            captions=captions(values, where, problems),
+        )
+
+    def _found(self, path: Path) -> Clip:
+        fps = self.fps if path.suffix.lower() in BARE_ARRAYS else None
+        relative = PurePosixPath(path.relative_to(self.root).as_posix())
+        return Clip(self._id(relative), FileMotion(str(path)), str(path), self.name, fps)
+
+    def _id(self, relative: PurePosixPath) -> str:
+        parts = relative.with_suffix("").parts
+        # The usual subfolder says nothing; any other is part of the id, so that equal stems stay apart.
+        return "/".join((self.name, *(parts[1:] if parts[0] == "motions" else parts)))
+
+
+class DemoSource:
+    """Clips of the procedural motion grammar, with captions, style and action."""
+
+    name = "demo"
+
+    def __init__(self, count: int, seed: int, fps: float):
+        self.count, self.seed, self.fps = count, seed, fps
+
+    def clips(self) -> tuple[list[Clip], list[InputError]]:
+        """See `Source`; labels arrive with the motion."""
+        return [
+            Clip(f"demo/{i:06d}", DemoMotion(i, self.seed, self.fps), f"demo clip {i}", "demo")
+            for i in range(self.count)
+        ], []
+
+
+def motion_files(root: Path) -> list[Path]:
+    """Every motion file below a folder, sorted; hidden files and folders are left out."""
+    found = [path for path in root.rglob("*") if path.suffix.lower() in MOTION_FILES and path.is_file()]
+    return sorted(path for path in found if not any(p.startswith(".") for p in path.relative_to(root).parts))
+
+
+def open_sources(config: DataConfig, base: str | Path = ".") -> list[Source]:
+    """The sources of a configuration; relative roots start from `base`. A missing or empty root is an InputError."""
+    if config.source == "demo":
+        return [DemoSource(config.clips, config.seed, config.fps)]
+    paths = [checked_root(Path(base) / root) for root in config.roots]
+    names = root_names(paths)
+    if config.source == "humanml3d":
+        return [HumanML3DSource(path, name, config.codec) for path, name in zip(paths, names, strict=True)]
+    return [FolderSource(path, name, config.fps) for path, name in zip(paths, names, strict=True)]
+
+
+def checked_root(path: Path) -> Path:
+    """An existing folder with something in it."""
+    if not path.is_dir():
+        rule = "data root must be an existing folder (queued experiments need absolute or DVC-tracked roots)"
+        raise InputError(path, "missing" if not path.exists() else "a file", rule)
+    if not any(path.iterdir()):
+        raise InputError(path, "empty", "data root must hold motions")
+    return path
+
+
+def root_names(paths: Sequence[Path]) -> list[str]:
+    """A short distinct name per root: the folder's name, with its parent's in front where two are called alike."""
+    paths = [path.resolve() for path in paths]
+    names = [path.name for path in paths]
+    return [
+        name if names.count(name) == 1 else f"{path.parent.name}-{name}" if path.parent.name else f"{name}-{i}"
+        for i, (path, name) in enumerate(zip(paths, names, strict=True))
+    ]
+
+
+def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
+    """Takes stock of a data root: every file with its hash and bytes, motions with their seconds, and listing problems.
+
+    Reads headers, not motions; `seconds` is None where a header does not tell (arrays that nothing lists).
+    """
+    root = checked_root(Path(root))
+    released = not (root / "clips.jsonl").is_file() and any(
+        (root / d).is_dir() for d in ("new_joints", "new_joint_vecs")
+    )
+    source = HumanML3DSource(root, root.name) if released else FolderSource(root, root.name)
+    clips, problems = source.clips()
+    rates = {clip.load.path: clip.fps for clip in clips}
+    paths = sorted(path for path in root.rglob("*") if path.is_file())
+    with ThreadPoolExecutor(4) as pool:
+        work = pool.map(lambda path: _describe(path, root, rates.get(str(path))), paths)
+        files = list(tqdm(work, total=len(paths), desc=f"inventory {name}", unit="file", disable=not progress))
+    known = [file["seconds"] for file in files if file["seconds"] is not None]
+    return {
+        "root": name,
+        "clips": len(clips),
+        "captions": sum(len(clip.captions) for clip in clips),
+        "minutes": round(sum(known) / 60, 3),
+        "problems": [
+            {"file": p.what.replace(f"{root}/", ""), "value": str(p.value)[:200], "rule": p.rule} for p in problems
+        ],
+        "files": files,
+    }
+
+
+def _describe(path: Path, root: Path, fps: float | None) -> dict[str, Any]:
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return {
+        "path": path.relative_to(root).as_posix(),
+        "sha256": digest,
+        "bytes": path.stat().st_size,
+        "seconds": _seconds(path, fps),
+    }
+
+
+def _seconds(path: Path, fps: float | None) -> float | None:
+    """Duration from the header of a .npy or .bvh file."""
+    try:
+        if path.suffix.lower() == ".npy" and fps:
+            return round(len(np.load(path, mmap_mode="r", allow_pickle=False)) / fps, 4)
+        if path.suffix.lower() == ".bvh":
+            text = path.read_text(encoding="latin-1")
+            frames = re.search(r"Frames:\s*(\d+)\s+Frame Time:\s*([\d.eE+-]+)", text)
+            return round(int(frames[1]) * float(frames[2]), 4) if frames else None
+    except (OSError, ValueError, TypeError):
+        return None  # preprocess names what is wrong with it
+    return None

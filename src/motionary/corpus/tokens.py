@@ -1,0 +1,53 @@
+"""The motion tokens of a corpus on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from motionary.errors import InputError
+
+
+class TokenStore:
+    """The motion tokens of every window of a corpus, flat.
+
+    Args:
+        tokens: (N,) codes of all windows one after the other.
+        offsets: (clips + 1,) where each window's tokens start.
+    """
+
+    def __init__(self, tokens: np.ndarray, offsets: np.ndarray):
+        if offsets[0] != 0 or offsets[-1] != len(tokens) or (np.diff(offsets) < 0).any():
+            raise InputError("offsets", offsets[-1], f"must rise from 0 to the number of tokens, {len(tokens)}")
+        self.tokens, self.offsets = tokens, offsets
+
+    @classmethod
+    def collect(cls, sequences: Sequence[np.ndarray]) -> TokenStore:
+        """From one code sequence per corpus row."""
+        offsets = np.concatenate([[0], np.cumsum([len(codes) for codes in sequences])]).astype(np.int64)
+        flat = np.concatenate(sequences) if len(sequences) else np.zeros(0)
+        small = not flat.size or flat.max() <= np.iinfo(np.int16).max
+        return cls(flat.astype(np.int16 if small else np.int32), offsets)
+
+    def save(self, folder: str | Path) -> None:
+        """Write tokens.npy and offsets.npy."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        np.save(folder / "tokens.npy", self.tokens)
+        np.save(folder / "offsets.npy", self.offsets)
+
+    @classmethod
+    def load(cls, folder: str | Path) -> TokenStore:
+        """Read what `save` wrote."""
+        try:
+            return cls(*(np.load(Path(folder) / name) for name in ("tokens.npy", "offsets.npy")))
+        except OSError as error:
+            raise InputError(folder, error, "must hold tokens.npy and offsets.npy; run the tokenizer stage") from None
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    def __getitem__(self, i: int) -> np.ndarray:
+        return self.tokens[self.offsets[i] : self.offsets[i + 1]]

@@ -1,0 +1,175 @@
+"""One clip at a time: read, resample, retarget, cut, canonicalize, encode. Runs in parallel processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import islice
+
+import numpy as np
+
+from motionary.corpus.clips import Clip, checked_captions
+from motionary.corpus.windows import Rule, Window, windows
+from motionary.errors import InputError
+from motionary.features import codec
+from motionary.motion import Motion, Skeleton, canonicalize, mirror, resample, retarget
+
+CHUNK = 8  # clips per task: large enough to hide the cost of a task, small enough to keep results few in memory
+JUMP = 10.0  # a first frame this many times further from the second than frames usually are is a bind pose
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What every clip becomes."""
+
+    skeleton: str
+    codec: str
+    rule: Rule
+    mirror: bool
+
+
+@dataclass
+class Encoded:
+    """What became of one clip: its windows with their raw features, or why there are none."""
+
+    clip: Clip
+    seconds: float = 0.0
+    windows: list[tuple[Window, np.ndarray, np.ndarray | None]] = field(default_factory=list)
+    dropped: Counter = field(default_factory=Counter)
+    problems: list[InputError] = field(default_factory=list)
+
+
+def encode_clip(clip: Clip, split: str, recipe: Recipe) -> Encoded:
+    """Everything that preprocess does to one clip; never raises on bad data, but reports it.
+
+    Windows of training clips come with a mirrored copy where the recipe and the clip allow it.
+    """
+    result = Encoded(clip)
+    try:
+        motion, clip = clip.load(clip)
+        result.seconds = motion.duration
+        result.clip, result.problems = checked_captions(clip, motion.duration)
+        motion = resample(without_bind_pose(motion), recipe.rule.fps)
+        motion = retarget(motion, _skeleton(recipe.skeleton))
+        found, short = windows(result.clip, motion.frames, recipe.rule)
+        if short:
+            result.dropped["segment too short"] += short
+        twin = recipe.mirror and clip.mirrors and split == "train"
+        for window in found:
+            part = canonicalize(motion.crop(window.first, window.first + window.length + 1))
+            features = _encode(part, recipe, clip)
+            flipped = _encode(canonicalize(mirror(part)), recipe, clip) if twin else None
+            result.windows.append((window, features, flipped))
+    except InputError as problem:
+        _fail(result, problem)
+    # A reader or a generator that fails in a way nobody foresaw must not end a run of hours.
+    except Exception as error:
+        _fail(result, InputError(clip.where, f"{type(error).__name__}: {error}", "clip cannot be used"))
+    return result
+
+
+def clip_labels(clip: Clip, *_) -> Clip:
+    """The clip with the labels that only its loader knows (the demo's); unchanged where it cannot be read."""
+    try:
+        return clip.load(clip)[1]
+    except InputError:
+        return clip
+
+
+def without_bind_pose(motion: Motion) -> Motion:
+    """The motion with a T-pose in frame 0 replaced by frame 1, so that times stay.
+
+    Some exporters put the bind pose first: a jump many times larger than any usual step.
+    """
+    if motion.frames < 4:
+        return motion
+    pose = motion.positions[:30] - motion.positions[:30, :1]
+    steps = np.linalg.norm(np.diff(pose, axis=0), axis=-1).mean(axis=1)
+    if steps[0] < 0.02 or steps[0] < JUMP * np.median(steps[1:]):
+        return motion
+    rotations = motion.rotations
+    if rotations is not None:
+        rotations = np.concatenate([rotations[1:2], rotations[1:]])
+    return replace(motion, positions=np.concatenate([motion.positions[1:2], motion.positions[1:]]), rotations=rotations)
+
+
+def in_order(task: Callable, jobs: Sequence[tuple], workers: int) -> Iterator:
+    """task(*job) for every job, results in the order of the jobs.
+
+    One process runs in this one; several are spawned with one thread each, and at most a few chunks are in flight,
+    so memory does not grow with the number of jobs.
+    """
+    if workers == 1:
+        yield from (task(*job) for job in jobs)
+        return
+    chunks = (jobs[i : i + CHUNK] for i in range(0, len(jobs), CHUNK))
+    with (
+        _one_thread(),
+        ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start) as pool,
+    ):
+        waiting = deque(pool.submit(_run, task, chunk) for chunk in islice(chunks, 2 * workers))
+        try:
+            while waiting:
+                results = waiting.popleft().result()
+                waiting.extend(pool.submit(_run, task, chunk) for chunk in islice(chunks, 1))
+                yield from results
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def _run(task: Callable, jobs: Sequence[tuple]) -> list:
+    return [task(*job) for job in jobs]
+
+
+def _start() -> None:
+    import torch
+
+    torch.set_num_threads(1)
+
+
+@contextmanager
+def _one_thread():
+    """Child processes read these when they load numpy; two threads in each of two processes would fight."""
+    names = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@lru_cache
+def _skeleton(name: str) -> Skeleton:
+    return Skeleton.named(name)
+
+
+@lru_cache
+def _codec(name: str, skeleton: str):
+    return codec(name, _skeleton(skeleton))
+
+
+def _encode(motion: Motion, recipe: Recipe, clip: Clip) -> np.ndarray:
+    features = _codec(recipe.codec, recipe.skeleton).encode(motion)
+    if not np.isfinite(features).all():
+        raise InputError(clip.where, "not finite", "features must be finite; the motion is degenerate")
+    return features
+
+
+def _fail(result: Encoded, problem: InputError) -> None:
+    """A clip that fails half-way gives nothing."""
+    if not any(name and name in problem.what for name in (result.clip.where, getattr(result.clip.load, "path", ""))):
+        problem = InputError(f"{result.clip.where}: {problem.what}", problem.value, problem.rule)
+    result.windows, result.dropped = [], Counter({"unusable clip": 1})
+    result.problems.append(problem)
