@@ -2,7 +2,22 @@
 
 from motionary.motion.contacts import foot_contacts
 from motionary.motion.facing import heading
+from motionary.motion.fitting import fit_rotations
+from motionary.motion.kinematics import forward_kinematics
 from motionary.motion.motion import Motion
+from motionary.motion.retargeting import retarget
 from motionary.motion.skeleton import Skeleton
+from motionary.motion.transforms import canonicalize, mirror, resample
 
-__all__ = ["Motion", "Skeleton", "foot_contacts", "heading"]
+__all__ = [
+    "Motion",
+    "Skeleton",
+    "canonicalize",
+    "fit_rotations",
+    "foot_contacts",
+    "forward_kinematics",
+    "heading",
+    "mirror",
+    "resample",
+    "retarget",
+]
