@@ -1,0 +1,59 @@
+# Two commands: `make repro` and `make test`. Both set themselves up; `make help` lists the rest.
+SHELL := /bin/bash
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+export PYTHONPATH := $(CURDIR)/src
+.DEFAULT_GOAL := help
+.PHONY: help setup repro test check params deps sweep mlflow app bench study clean
+
+help:  ## what each target does
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
+
+setup: $(VENV)/.installed  ## the environment, from requirements.lock
+
+$(VENV)/.installed: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] < (3, 11))' || { echo "error: $(PYTHON) is older than Python 3.11; set PYTHON=python3.11"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install -q --disable-pip-version-check uv
+	@UV_FIND_LINKS="$${UV_FIND_LINKS:-$$PIP_FIND_LINKS}" $(BIN)/uv pip install -q --python $(BIN)/python -r requirements.lock
+	@$(BIN)/uv pip install -q --python $(BIN)/python --no-deps -e .
+	@touch $@
+
+repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus, unless changed)
+	@python -m motionary.training.params diff
+	@dvc repro
+	@python -m motionary.report.summary
+
+test: setup  ## all tests
+	@python -m pytest
+
+check: setup  ## fast checks: style, types, generated files
+	@ruff check . && ruff format --check .
+	@pyright --pythonpath $(BIN)/python
+	@python -m motionary.training.dependencies --check
+
+params: setup  ## recompose params.yaml from conf/
+	@python -m motionary.training.params write
+
+deps: setup  ## bring the code dependencies in dvc.yaml up to date with the imports
+	@python -m motionary.training.dependencies
+
+sweep: setup  ## an example sweep: two learning rates of the tokenizer, in parallel
+	@python stages/tokenizer.py -m tokenizer.learning_rate=1e-4,3e-4 hydra/launcher=joblib
+
+mlflow: setup  ## the dashboard, at http://127.0.0.1:5000
+	@mlflow ui --backend-store-uri sqlite:///$(CURDIR)/mlflow.db --host 127.0.0.1 --port $${PORT:-5000}
+
+app: setup  ## the dictionary in a browser
+	@motionary app
+
+bench: setup  ## one-thread times at the papers' shapes
+	@python -m motionary.bench
+
+study: setup  ## seeds, second split, controls, ablations and baselines on the real clips (hours; continues where it stopped)
+	@python -m motionary.evaluation.study
+
+clean:  ## remove outputs and caches of stages, keep the DVC cache and the tracking database
+	@rm -rf models data/corpus data/sources/root_* reports .cache outputs multirun

@@ -1,0 +1,1 @@
+"""The papers' evaluation protocol, for any system that generates, captions or reconstructs motion."""

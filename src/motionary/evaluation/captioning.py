@@ -1,0 +1,83 @@
+"""Scores of a motion-to-text system: language metrics against normalized and raw captions, and retrieval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from motionary.evaluation.items import Items
+from motionary.evaluation.scores import Protocol, judged_parts
+from motionary.language import Sentence, annotate
+from motionary.metrics import oracle
+from motionary.metrics.language import caption_scores
+from motionary.models.judge import Judge
+
+
+def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protocol) -> dict[str, Any]:
+    """Report of a motion-to-text system.
+
+    Args:
+        captioner: offers ``caption(features, beams) -> list of lists of texts`` (normalized words).
+        items: captioned test windows.
+        judge: the evaluator.
+        protocol: repetitions and sizes.
+
+    Returns:
+        "language": for each part the scores against the normalized captions, and against the raw ones under "raw";
+        "motion2text" and "real": R-precision and distances of generated and of real captions; "action": share of
+        captions that name the action that the reference names; "examples".
+    """
+    captions = caption_all(captioner, items, protocol)
+    sentences = annotate(captions)
+    references = [[" ".join(s.words) for s in options] for options in items.references]
+    raw = [[s.text for s in options] for options in items.references]
+    chosen = items.choose(0)
+    parts = items.parts(chosen)
+    real_text = judge.sentences([options[0] for options in items.references])
+    features = judge.motions(items.features)
+    text = judge.sentences(sentences)
+    language = {}
+    for name, where in parts.items():
+        picked = [captions[i] for i in where]
+        language[name] = {
+            "items": len(where),
+            **_rounded(caption_scores(picked, [references[i] for i in where], bert=protocol.bert_score)),
+            "raw": _rounded(caption_scores(picked, [raw[i] for i in where], bert=False)),
+        }
+    return {
+        "language": language,
+        "motion2text": judged_parts([(text, features, parts)], features, protocol),
+        "real": judged_parts([(real_text, features, parts)], features, protocol),
+        "action": {name: named_action(sentences, items, where) for name, where in parts.items()},
+        "examples": [
+            {"caption": captions[i], "references": raw[i]} for i in np.linspace(0, len(items) - 1, 12).astype(int)
+        ],
+    }
+
+
+def caption_all(captioner: Any, items: Items, protocol: Protocol) -> list[str]:
+    """The best caption of every item."""
+    out: list[str] = []
+    for start in tqdm(range(0, len(items), protocol.batch_size), desc="caption", unit="batch"):
+        out += [texts[0] for texts in captioner.caption(items.features[start : start + protocol.batch_size], beams=2)]
+    return out
+
+
+def named_action(sentences: Sequence[Sentence], items: Items, where: np.ndarray) -> dict[str, float]:
+    """Share of captions whose claimed action is among those that the item's own captions claim.
+
+    Claims are read by the oracle's parser; items whose captions claim no action it knows are not counted.
+    """
+    hits = []
+    for i in where:
+        truth = {oracle.claimed_action(s.text) for s in items.references[i]} - {None}
+        if truth:
+            hits.append(oracle.claimed_action(sentences[i].text) in truth)
+    return {"named": round(float(np.mean(hits)), 4) if hits else 0.0, "checked": len(hits)}
+
+
+def _rounded(scores: dict[str, Any]) -> dict[str, Any]:
+    return {name: round(float(v), 5) if isinstance(v, (float, np.floating)) else v for name, v in scores.items()}

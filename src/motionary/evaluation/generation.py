@@ -1,0 +1,142 @@
+"""Scores of a text-to-motion system: the papers' protocol, physics, the oracle, and how much it copies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.scores import Protocol, judged_parts
+from motionary.language import Sentence, annotate
+from motionary.metrics import oracle
+from motionary.metrics.distribution import multimodality
+from motionary.metrics.physics import foot_skating, jitter
+from motionary.models.judge import Judge
+from motionary.motion import Motion
+
+
+def score_generator(
+    generator: Any, items: Items, judge: Judge, protocol: Protocol, seed: int = 0, nearest: np.ndarray | None = None
+) -> dict[str, Any]:
+    """Report of a text-to-motion system.
+
+    Args:
+        generator: offers ``generate(sentences, seeds) -> list of raw features (T, D)``.
+        items: captioned test windows.
+        judge: the evaluator.
+        protocol: repetitions and sizes.
+        seed: of the generations.
+        nearest: (M, E) features of the training motions, for the distance to the nearest of them.
+
+    Returns:
+        "text2motion" and "real": rows by part; "real" is judged with the same captions and pools. "physics",
+        "oracle", "multimodality", and "nearest_training".
+    """
+    real = judge.motions(items.features)
+    draws, real_draws, first = [], [], None
+    for draw in range(protocol.generation_repetitions):
+        captions = items.choose(draw)
+        sentences = [sentence_of(items.corpus, c) for c in captions]
+        generated = _generate(generator, sentences, seed + 1_000_003 * draw, protocol, f"generate {draw + 1}")
+        text, parts = judge.sentences(sentences), items.parts(captions)
+        motion = judge.motions(generated)
+        draws.append((text, motion, parts))
+        real_draws.append((text, real, parts))
+        if first is None:
+            first = (sentences, generated, motion, parts)
+    assert first is not None
+    sentences, generated, features, parts = first
+    report: dict[str, Any] = {
+        "text2motion": judged_parts(draws, real, protocol),
+        "real": judged_parts(real_draws, real, protocol),
+        "physics": {"generated": _physics(items, generated), "real": _physics(items, items.features)},
+        "oracle": {
+            "captions": confirmed(items, sentences, generated, parts),
+            "captions_real": confirmed(items, sentences, items.features, parts),
+            "prompts": _prompts(generator, items, protocol, seed),
+        },
+        "multimodality": _multimodality(generator, items, judge, protocol, seed),
+    }
+    if nearest is not None:
+        report["nearest_training"] = {
+            "generated": nearest_distance(features, nearest),
+            "real": nearest_distance(real, nearest),
+        }
+    return report
+
+
+def _generate(generator, sentences: Sequence[Sentence], seed: int, protocol: Protocol, label: str) -> list[np.ndarray]:
+    out: list[np.ndarray] = []
+    starts = range(0, len(sentences), protocol.batch_size)
+    for start in tqdm(starts, desc=label, unit="batch"):
+        part = sentences[start : start + protocol.batch_size]
+        out += generator.generate(part, seeds=[seed + start + i for i in range(len(part))])
+    return out
+
+
+def _motions(items: Items, features: Sequence[np.ndarray]) -> list[Motion]:
+    context = items.corpus.context
+    codec = context.make_codec()
+    return [codec.decode(f, fps=context.fps) for f in features]
+
+
+def _physics(items: Items, features: Sequence[np.ndarray]) -> dict[str, float]:
+    motions = _motions(items, features)
+    return {
+        "foot_skating": round(float(np.mean([foot_skating(m) for m in motions])), 5),
+        "jitter": round(float(np.mean([jitter(m) for m in motions])), 4),
+        "seconds": round(float(np.mean([m.duration for m in motions])), 3),
+    }
+
+
+def confirmed(items: Items, sentences: Sequence[Sentence], features: Sequence[np.ndarray], parts) -> dict[str, Any]:
+    """Share of motions that the oracle confirms, of the captions that claim something it can read."""
+    verdicts = [oracle.confirm(m, s.text) for m, s in zip(_motions(items, features), sentences, strict=True)]
+    known = np.array([v is not None for v in verdicts])
+    right = np.array([bool(v) for v in verdicts])
+    out = {}
+    for name, where in parts.items():
+        checked = where[known[where]]
+        if len(checked):
+            out[name] = {"confirmed": round(float(right[checked].mean()), 4), "checked": len(checked)}
+    return out
+
+
+def _prompts(generator, items: Items, protocol: Protocol, seed: int) -> dict[str, Any]:
+    """The oracle's own prompts about side, direction and speed, several motions each."""
+    texts = [prompt for prompt in oracle.PROMPTS for _ in range(protocol.prompt_samples)]
+    generated = _generate(generator, annotate(texts), seed + 17, protocol, "prompts")
+    verdicts = [bool(oracle.confirm(m, t)) for m, t in zip(_motions(items, generated), texts, strict=True)]
+    each = np.reshape(verdicts, (-1, protocol.prompt_samples)).mean(1)
+    by_prompt = {str(prompt): round(float(share), 3) for prompt, share in zip(oracle.PROMPTS, each, strict=True)}
+    return {"confirmed": round(float(each.mean()), 4), "samples": len(texts), "each": by_prompt}
+
+
+def _multimodality(generator, items: Items, judge: Judge, protocol: Protocol, seed: int) -> dict[str, Any]:
+    """Samples are drawn once; the repetitions draw the pairs."""
+    texts, samples = min(protocol.multimodality_texts, len(items)), protocol.multimodality_samples
+    rng = np.random.default_rng([seed, 31])
+    chosen = items.choose(0)[rng.permutation(len(items))[:texts]]
+    sentences = [sentence_of(items.corpus, c) for c in chosen for _ in range(samples)]
+    generated = _generate(generator, sentences, seed + 500_000_003, protocol, "multimodality")
+    features = judge.motions(generated).reshape(texts, samples, -1)
+    values = [
+        multimodality(features, protocol.multimodality_pairs, np.random.default_rng([r, 37]))
+        for r in range(protocol.repetitions)
+    ]
+    half = 1.96 * float(np.std(values)) / np.sqrt(len(values))
+    return {"mean": round(float(np.mean(values)), 5), "half": round(half, 5), "texts": texts, "samples": samples}
+
+
+def nearest_distance(features: np.ndarray, training: np.ndarray) -> dict[str, float]:
+    """Mean and smallest distance, in the evaluator's space, from each motion to the nearest training motion."""
+    best = []
+    for start in range(0, len(features), 256):
+        part = features[start : start + 256]
+        squared = (part**2).sum(1)[:, None] + (training**2).sum(1)[None] - 2 * part @ training.T
+        best.append(np.sqrt(np.clip(squared.min(1), 0, None)))
+    distances = np.concatenate(best)
+    return {"mean": round(float(distances.mean()), 5), "least": round(float(distances.min()), 5)}

@@ -1,0 +1,58 @@
+"""The motion tokens themselves: how the codebook is used, and what its entries look like (TM2T Fig. 3 and 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+
+def code_usage(codes: Sequence[np.ndarray], count: int) -> dict[str, float]:
+    """Share of the codebook that the windows use, and the perplexity of the codes' frequencies.
+
+    Args:
+        codes: code sequences of all windows.
+        count: entries of the codebook.
+    """
+    frequency = np.bincount(np.concatenate(codes), minlength=count)
+    share = frequency[frequency > 0] / frequency.sum()
+    return {
+        "count": count,
+        "used": round(float((frequency > 0).mean()), 4),
+        "perplexity": round(float(np.exp(-(share * np.log(share)).sum())), 2),
+    }
+
+
+def draw_contexts(model: Any, codes: Sequence[np.ndarray], columns: int = 8, rows: int = 4):
+    """The most frequent tokens, each decoded alone to its four frames: a matplotlib figure.
+
+    Args:
+        model: a trained tokenizer.
+        codes: code sequences of all windows.
+        columns, rows: of the grid.
+    """
+    from matplotlib.figure import Figure
+
+    context = model.context
+    frequency = np.bincount(np.concatenate(codes), minlength=model.config.codes)
+    chosen = np.argsort(-frequency, kind="stable")[: columns * rows]
+    segments = model.token_contexts()[chosen].cpu().numpy()
+    codec = context.make_codec()
+    figure = Figure(figsize=(1.5 * columns, 1.7 * rows))
+    for place, (code, features) in enumerate(zip(chosen, segments, strict=True)):
+        axis = figure.add_subplot(rows, columns, place + 1)
+        positions = codec.decode(features, fps=context.fps).positions
+        for frame, pose in enumerate(positions):
+            # A quarter view: forward runs to the right, the body's left comes towards the reader.
+            across = 0.8 * pose[:, 2] + 0.6 * pose[:, 0] + 0.35 * frame
+            for chain in context.skeleton.chains:
+                axis.plot(across[list(chain)], pose[list(chain), 1], color=_SHADES[frame % 4], linewidth=1.2)
+        axis.set_title(f"{code} ({frequency[code] / frequency.sum():.1%})", fontsize=7)
+        axis.set_aspect("equal")
+        axis.set_axis_off()
+    figure.tight_layout()
+    return figure
+
+
+_SHADES = ("#9ecae1", "#6baed6", "#3182bd", "#08519c")

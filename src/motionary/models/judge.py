@@ -1,0 +1,80 @@
+"""The trained evaluator as a judge: features of motions and texts in one space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from motionary.language import Sentence
+from motionary.models.io import load_model, model_hash
+
+
+class Judge:
+    """Embeds motions and sentences with the evaluator of one folder of models.
+
+    Args:
+        models: folder that holds ``evaluator/``.
+        device: where to compute.
+        batch_size: items per forward pass; items are sorted by length, so padding costs little.
+    """
+
+    def __init__(self, models: Path, device: str = "cpu", batch_size: int = 64):
+        self.model = cast(Any, load_model(models / "evaluator", device))
+        self.hash = model_hash(models / "evaluator")
+        self.context = self.model.context
+        self.device, self.batch_size = device, batch_size
+
+    @torch.no_grad()
+    def motions(self, features: Sequence[np.ndarray], progress: str | None = None) -> np.ndarray:
+        """(N, E) features of raw motion features, each (T, D)."""
+        out: list[tuple[np.ndarray, np.ndarray]] = []
+        for rows in by_length([len(f) for f in features], self.batch_size, progress):
+            batch, frames = pad([features[i] for i in rows])
+            out.append((rows, self.model.embed_motion(batch.to(self.device), frames.to(self.device)).cpu().numpy()))
+        return _collect(out)
+
+    @torch.no_grad()
+    def sentences(self, sentences: Sequence[Sentence]) -> np.ndarray:
+        """(N, E) features of annotated sentences."""
+        encoded = [self.context.vocabulary.encode(sentence) for sentence in sentences]
+        out = []
+        for rows in by_length([len(ids) for ids, _ in encoded], 4 * self.batch_size):
+            count = torch.tensor([len(encoded[i][0]) for i in rows])
+            width = int(count.max())
+            ids, tags = torch.zeros(len(rows), width).long(), torch.zeros(len(rows), width).long()
+            for place, i in enumerate(rows):
+                ids[place, : count[place]] = torch.as_tensor(np.asarray(encoded[i][0]))
+                tags[place, : count[place]] = torch.as_tensor(np.asarray(encoded[i][1]))
+            embedded = self.model.embed_text(ids.to(self.device), tags.to(self.device), count.to(self.device))
+            out.append((rows, embedded.cpu().numpy()))
+        return _collect(out)
+
+
+def pad(features: Sequence[np.ndarray]) -> tuple[torch.Tensor, torch.Tensor]:
+    """Raw features (T_i, D) as one zero-padded batch (B, T, D) and its frame counts (B,)."""
+    frames = torch.tensor([len(f) for f in features])
+    batch = torch.zeros(len(features), int(frames.max()), features[0].shape[1])
+    for place, f in enumerate(features):
+        batch[place, : len(f)] = torch.from_numpy(np.ascontiguousarray(f))
+    return batch, frames
+
+
+def by_length(lengths: Sequence[int], batch_size: int, progress: str | None = None):
+    """Positions in batches of similar length, shortest first."""
+    order = np.argsort(lengths, kind="stable")
+    starts = range(0, len(order), batch_size)
+    for start in tqdm(starts, desc=progress, disable=progress is None, unit="batch"):
+        yield order[start : start + batch_size]
+
+
+def _collect(parts: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    rows = np.concatenate([rows for rows, _ in parts])
+    values = np.concatenate([values for _, values in parts])
+    out = np.empty_like(values)
+    out[rows] = values
+    return out

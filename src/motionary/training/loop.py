@@ -1,0 +1,305 @@
+"""The one training loop. A system brings a loss; the loop brings devices, schedules, checkpoints and early stopping."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import torch
+from lightning_fabric import Fabric
+from lightning_fabric.strategies import DDPStrategy
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from motionary.corpus.batches import Batch, Batches
+from motionary.training.checkpoint import load_checkpoint, save_checkpoint
+from motionary.training.settings import TrainSettings
+
+
+class System(Protocol):
+    """What a model offers to be trained here (structurally: models know nothing of the loop).
+
+    Optional members: ``validate(batch)`` (defaults to the loss; its "loss" is watched by early stopping),
+    ``parameter_groups(learning_rate)``, ``after_step(step, progress, generator)``, ``after_validation(values)``.
+    """
+
+    def loss(self, batch: Batch, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        """A scalar loss and detached values to log; `progress` runs from 0 to 1 over the training."""
+        ...
+
+
+@dataclass
+class History:
+    """Curves of one training: rows of {"step", name: value}, as logged."""
+
+    train: list[dict[str, float]] = field(default_factory=list)
+    validation: list[dict[str, float]] = field(default_factory=list)
+    best_step: int = 0
+    stopped_early: bool = False
+    seconds: float = 0.0
+
+
+def make_fabric(device: str = "auto", precision: str = "auto") -> Fabric:
+    """A Fabric for this process; under ``torchrun`` it joins the distributed job.
+
+    Args:
+        device: "auto", "cpu", "cuda" or "mps".
+        precision: "auto" (bf16 mixed on CUDA, else 32-bit) or any precision that Fabric names.
+    """
+    cuda = device in ("auto", "cuda") and torch.cuda.is_available()
+    if precision == "auto":
+        precision = "bf16-mixed" if cuda else "32-true"
+    world = int(os.environ.get("WORLD_SIZE", "1"))
+    accelerator = cast(Any, "cuda" if cuda else "cpu" if device == "auto" else device)
+    if world == 1:
+        return Fabric(accelerator=accelerator, devices=1, precision=cast(Any, precision))
+    strategy = DDPStrategy(find_unused_parameters=True, process_group_backend="nccl" if cuda else "gloo")
+    local = int(os.environ.get("LOCAL_WORLD_SIZE", world))
+    fabric = Fabric(
+        accelerator=accelerator,
+        devices=local,
+        num_nodes=world // local,
+        strategy=strategy,
+        precision=cast(Any, precision),
+    )
+    fabric.launch()
+    return fabric
+
+
+def rate(settings: TrainSettings, step: int) -> float:
+    """Factor on the peak learning rate at `step`: linear warm-up, then constant or cosine to a hundredth."""
+    if step < settings.warmup:
+        return (step + 1) / settings.warmup
+    if settings.schedule == "constant":
+        return 1.0
+    done = (step - settings.warmup) / max(1, settings.steps - settings.warmup)
+    return 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(1.0, done)))
+
+
+def fit(
+    model: nn.Module,
+    train: Batches,
+    validation: Batches | None,
+    settings: TrainSettings,
+    fabric: Fabric,
+    checkpoint: Path | None = None,
+    seed: int = 0,
+    log: Callable[[int, dict[str, float]], None] | None = None,
+    description: str = "train",
+    stop_after: int | None = None,
+) -> History:
+    """Trains `model` in place and leaves it in eval mode with the kept weights.
+
+    Args:
+        model: a :class:`System`; frozen parts have ``requires_grad`` off.
+        train: batches of this process; every epoch and step is a pure function of the seed.
+        validation: batches for :meth:`validate`, or None.
+        settings: see :class:`TrainSettings`.
+        fabric: devices and precision, from :func:`make_fabric`.
+        checkpoint: file to resume from where it exists and to write to; None keeps no checkpoint.
+        seed: of dropout and sampling inside the loss.
+        log: called with (step, values) for every logged row.
+        description: label of the progress bar.
+        stop_after: returns after this many steps in all as if killed just after a checkpoint (for tests).
+
+    A killed run that is started again with the same arguments ends with the weights of an unbroken one.
+    """
+    return _Run(model, train, validation, settings, fabric, checkpoint, seed, log, description).run(stop_after)
+
+
+class _Run:
+    """State of one call of :func:`fit`."""
+
+    def __init__(self, model, train, validation, settings, fabric, checkpoint, seed, log, description):
+        self.model, self.train, self.validation, self.settings = model, train, validation, settings
+        self.fabric, self.checkpoint, self.seed, self.description = fabric, checkpoint, seed, description
+        self.log = log or (lambda step, values: None)
+        self.history = History()
+        self.step, self.bad, self.best, self.stopped = 0, 0, math.inf, False
+        torch.manual_seed(seed + 7919 * fabric.global_rank)
+        groups = _groups(model, settings.learning_rate)
+        self.rates = [group["lr"] for group in groups]
+        optimizer = torch.optim.AdamW(groups, lr=settings.learning_rate, weight_decay=settings.weight_decay)
+        self.wrapped, self.optimizer = fabric.setup(model, optimizer)
+        self.wrapped.mark_forward_method("loss")
+        self.parameters = [p for group in groups for p in group["params"]]
+        self.average = {name: p.detach().clone() for name, p in self._trained()} if settings.ema else {}
+        self.kept: dict[str, Tensor] = {}
+
+    def run(self, stop_after: int | None) -> History:
+        self._resume()
+        started, settings = time.monotonic(), self.settings
+        per_step = settings.batch_size * self.fabric.world_size
+        bar = tqdm(
+            total=settings.steps * per_step,
+            initial=self.step * per_step,
+            unit="item",
+            desc=self.description,
+            disable=self.fabric.global_rank > 0,
+            mininterval=1.0,
+            smoothing=0.05,
+        )
+        batches = self._batches()
+        self.model.train()
+        while self.step < settings.steps and not self.stopped:
+            values = self._step(next(batches))
+            bar.update(per_step)
+            if self.step % settings.log_every == 0 or self.step == settings.steps:
+                row = {name: float(value) for name, value in values.items()}
+                bar.set_postfix(loss=f"{row['loss']:.4g}", refresh=False)
+                self.history.train.append({"step": self.step, **row})
+                self.log(self.step, {f"train/{name}": value for name, value in row.items()})
+            if self.step % settings.validate_every == 0 or self.step == settings.steps:
+                self._validate()
+                self.history.seconds += time.monotonic() - started
+                started = time.monotonic()
+                self._save()
+            if stop_after is not None and self.step >= stop_after:
+                break
+        bar.close()
+        self._keep()
+        return self.history
+
+    def _batches(self) -> Iterator[Batch]:
+        if len(self.train) == 0:
+            raise ValueError("no training batch: the split holds fewer items than one batch")
+        epoch, skip = divmod(self.step, len(self.train))
+        while True:
+            yield from self.train.epoch(epoch, start=skip)
+            epoch, skip = epoch + 1, 0
+
+    def _step(self, batch: Batch) -> dict[str, Tensor]:
+        settings = self.settings
+        progress = self.step / settings.steps
+        factor = rate(settings, self.step)
+        for group, peak in zip(self.optimizer.param_groups, self.rates, strict=True):
+            group["lr"] = peak * factor
+        generator = self._generator(self.step)
+        loss, values = self.wrapped.loss(batch.to(self.fabric.device), progress, generator)
+        self.fabric.backward(loss)
+        if settings.clip:
+            values = {**values, "gradient": nn.utils.clip_grad_norm_(self.parameters, settings.clip)}
+        self.optimizer.step()
+        self.optimizer.zero_grad(set_to_none=True)
+        if hasattr(self.model, "after_step"):
+            self.model.after_step(self.step, progress, generator)
+        self.step += 1
+        self._average()
+        return {"loss": loss.detach(), "learning_rate": torch.tensor(self.rates[0] * factor), **values}
+
+    def _generator(self, step: int) -> torch.Generator:
+        place = (self.seed * 1_000_003 + step) * 4099 + self.fabric.global_rank
+        return torch.Generator(self.fabric.device).manual_seed(place % 2**63)
+
+    def _trained(self):
+        return [(name, p) for name, p in self.model.named_parameters() if p.requires_grad]
+
+    def _average(self) -> None:
+        if not self.average:
+            return
+        # Early steps average over what there is, as in Adam's bias correction.
+        decay = min(self.settings.ema, (1 + self.step) / (10 + self.step))
+        trained = self._trained()
+        torch._foreach_lerp_([self.average[name] for name, _ in trained], [p.detach() for _, p in trained], 1 - decay)
+
+    @contextmanager
+    def _averaged(self):
+        """The averaged weights in the model's place, for validating."""
+        if not self.average:
+            yield
+            return
+        live = {name: p.detach().clone() for name, p in self._trained()}
+        _assign(self.model, self.average)
+        yield
+        _assign(self.model, live)
+
+    def _validate(self) -> None:
+        if self.validation is None or len(self.validation) == 0:
+            return
+        with self._averaged():
+            values = validate(self.model, self.validation, self.fabric.device, self.seed)
+            if values["loss"] < self.best:
+                self.best, self.bad, self.history.best_step = values["loss"], 0, self.step
+                if self.settings.patience:
+                    self.kept = {k: v.detach().clone() for k, v in self.model.state_dict().items()}
+            else:
+                self.bad += 1
+        if hasattr(self.model, "after_validation"):
+            self.model.after_validation(values)
+        self.history.validation.append({"step": self.step, **values})
+        self.log(self.step, {f"validation/{name}": value for name, value in values.items()})
+        if self.settings.patience and self.bad >= self.settings.patience:
+            self.stopped = self.history.stopped_early = True
+        self.model.train()
+
+    def _save(self) -> None:
+        if self.checkpoint is None or self.fabric.global_rank > 0:
+            return
+        extra = {f"average.{k}": v for k, v in self.average.items()} | {f"kept.{k}": v for k, v in self.kept.items()}
+        best = None if math.isinf(self.best) else self.best
+        numbers = {"step": self.step, "bad": self.bad, "best": best, "stopped": self.stopped}
+        numbers["history"] = vars(self.history)
+        save_checkpoint(self.checkpoint, self.model, self.optimizer, extra, numbers)
+
+    def _resume(self) -> None:
+        if self.checkpoint is None or not self.checkpoint.exists():
+            return
+        extra, numbers = load_checkpoint(self.checkpoint, self.model, self.optimizer)
+        self.step, self.bad, self.stopped = numbers["step"], numbers["bad"], numbers["stopped"]
+        self.best = math.inf if numbers["best"] is None else numbers["best"]
+        self.history = History(**numbers["history"])
+        for name, value in extra.items():
+            place, key = name.split(".", 1)
+            (self.average if place == "average" else self.kept)[key] = value.to(self.fabric.device)
+
+    def _keep(self) -> None:
+        if self.kept:
+            self.model.load_state_dict(self.kept)
+        elif self.average:
+            _assign(self.model, self.average)
+        self.model.eval()
+
+
+@torch.no_grad()
+def validate(model: nn.Module, batches: Batches, device: torch.device | str, seed: int = 0) -> dict[str, float]:
+    """Mean of ``model.validate`` (or of the loss) over `batches`, weighted by items; the model is left in eval mode."""
+    model.eval()
+    sums: dict[str, float] = {}
+    count = 0
+    for number, batch in enumerate(batches.epoch(0)):
+        batch = batch.to(device)
+        if hasattr(model, "validate"):
+            values = cast(Any, model).validate(batch)
+        else:
+            generator = torch.Generator(device).manual_seed(seed * 1_000_003 + number)
+            loss, values = cast(Any, model).loss(batch, 1.0, generator)
+            values = {"loss": loss, **values}
+        items = len(batch.clip)
+        for name, value in values.items():
+            sums[name] = sums.get(name, 0.0) + float(value) * items
+        count += items
+    return {name: value / max(1, count) for name, value in sums.items()}
+
+
+def _groups(model: nn.Module, learning_rate: float) -> list[dict[str, Any]]:
+    if hasattr(model, "parameter_groups"):
+        groups = [dict(group) for group in cast(Any, model).parameter_groups(learning_rate)]
+    else:
+        groups = [{"params": model.parameters(), "lr": learning_rate}]
+    for group in groups:
+        group["params"] = [p for p in group["params"] if p.requires_grad]
+        group.setdefault("lr", learning_rate)
+    return [group for group in groups if group["params"]]
+
+
+@torch.no_grad()
+def _assign(model: nn.Module, values: dict[str, Tensor]) -> None:
+    for name, parameter in model.named_parameters():
+        if name in values:
+            parameter.copy_(values[name])

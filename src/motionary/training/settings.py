@@ -1,0 +1,107 @@
+"""What the training loop can be told, and how a stage's flat configuration is divided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+from motionary.errors import InputError
+
+T = TypeVar("T")
+
+# Keys of a stage's section that say how its training data is drawn (arguments of corpus.batches).
+DATA_KEYS = ("window", "drop_unit", "group_weights")
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """Settings of :func:`motionary.training.loop.fit`, the same for every system.
+
+    Attributes:
+        steps: optimizer steps in total.
+        batch_size: items per step and process.
+        learning_rate: peak rate of AdamW.
+        weight_decay: decoupled weight decay.
+        clip: largest gradient norm; 0 leaves gradients alone.
+        warmup: steps of linear warm-up from zero.
+        schedule: "constant", or "cosine" to fall to a hundredth of the peak at the last step.
+        validate_every: steps between validations (and checkpoints).
+        patience: validations without improvement after which training stops early; 0 never stops and keeps the
+            last weights, otherwise the best ones are kept.
+        ema: decay of the exponential moving average of the weights that is validated and kept; 0 is off.
+        log_every: steps between logged training values.
+    """
+
+    steps: int
+    batch_size: int
+    learning_rate: float
+    weight_decay: float = 0.0
+    clip: float = 0.0
+    warmup: int = 0
+    schedule: str = "cosine"
+    validate_every: int = 200
+    patience: int = 0
+    ema: float = 0.0
+    log_every: int = 20
+
+    def check(self, stage: str) -> None:
+        """Raises InputError naming the first key that is out of range."""
+        rules = {
+            "steps": (self.steps >= 1, "must be at least 1"),
+            "batch_size": (self.batch_size >= 1, "must be at least 1"),
+            "learning_rate": (self.learning_rate > 0, "must be above 0"),
+            "weight_decay": (self.weight_decay >= 0, "must not be negative"),
+            "clip": (self.clip >= 0, "must not be negative (0 is off)"),
+            "warmup": (self.warmup >= 0, "must not be negative"),
+            "schedule": (self.schedule in ("constant", "cosine"), "must be constant or cosine"),
+            "validate_every": (self.validate_every >= 1, "must be at least 1"),
+            "patience": (self.patience >= 0, "must not be negative (0 is off)"),
+            "ema": (0 <= self.ema < 1, "must be in [0, 1) (0 is off)"),
+            "log_every": (self.log_every >= 1, "must be at least 1"),
+        }
+        for key, (holds, rule) in rules.items():
+            if not holds:
+                raise InputError(f"{stage}.{key}", getattr(self, key), rule)
+
+
+_TRAINING = {field.name for field in fields(TrainSettings)}
+
+
+def build(cls: type[T], values: Mapping[str, Any], stage: str) -> T:
+    """A configuration dataclass from a mapping; a missing or unknown key is an InputError naming `stage.key`."""
+    known = {field.name for field in fields(cls)}  # type: ignore[arg-type]
+    for key in values:
+        if key not in known:
+            raise InputError(f"{stage}.{key}", values[key], f"unknown key; known are {', '.join(sorted(known))}")
+    try:
+        return cls(**{key: tuple(v) if isinstance(v, list) else v for key, v in values.items()})
+    except TypeError as error:
+        raise InputError(stage, sorted(values), str(error).split("__init__() ")[-1]) from error
+
+
+def divide(section: Mapping[str, Any], cls: type[T], stage: str, derived: Mapping[str, Any] | None = None):
+    """Divides a stage's flat section into its model's configuration and the training settings.
+
+    Args:
+        section: the stage's section of the configuration.
+        cls: the model's configuration dataclass.
+        stage: name of the section, for messages.
+        derived: model fields that the upstream stages fixed (they are not in the section).
+
+    Returns:
+        (model configuration, TrainSettings).
+    """
+    return build(cls, {**model_keys(section), **(derived or {})}, stage), settings_of(section, stage)
+
+
+def settings_of(section: Mapping[str, Any], stage: str) -> TrainSettings:
+    """The training settings among the keys of a stage's section, checked."""
+    settings = build(TrainSettings, {k: v for k, v in section.items() if k in _TRAINING}, stage)
+    settings.check(stage)
+    return settings
+
+
+def model_keys(section: Mapping[str, Any]) -> dict[str, Any]:
+    """The model's own keys of a stage's section."""
+    return {k: v for k, v in section.items() if k not in _TRAINING and k not in DATA_KEYS}

@@ -1,0 +1,151 @@
+"""What every file in stages/ shares: configuration in, inputs, training, declared outputs, tracking."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+
+from motionary.errors import InputError
+from motionary.training.settings import DATA_KEYS, TrainSettings, divide, model_keys, settings_of
+from motionary.training.tracking import Tracker, numbers
+from motionary.training.workspace import Workspace, content_hash, values_hash
+
+T = TypeVar("T")
+SHARED = ("seed", "device", "precision", "threads", "scale")
+
+
+class Stage:
+    """One run of one pipeline stage.
+
+    Args:
+        name: of the stage: its section in the configuration, its MLflow experiment, its report.
+        config: the composed configuration.
+        root: folder of the project that holds the stage file.
+        sections: further sections of the configuration that the stage reads.
+        label: distinguishes runs of one stage (`evaluation` of each system).
+    """
+
+    def __init__(
+        self, name: str, config: DictConfig, root: Path, sections: Sequence[str] = (), label: str | None = None
+    ):
+        self.name, self.label = name, label
+        self.values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+        self.owned = (name, *sections)
+        hydra = HydraConfig.get()
+        refuse_foreign_overrides(hydra.overrides.task, name, self.owned)
+        sweeping = hydra.mode == RunMode.MULTIRUN
+        folder = Path(hydra.runtime.output_dir)
+        self.workspace = Workspace.find(root, folder)
+        self.seed = int(self.values["seed"])
+        self.section: dict[str, Any] = self.values.get(name, {})
+        self.data = {key: self.section[key] for key in DATA_KEYS if key in self.section}
+        self._sweep = Path(hydra.sweep.dir).resolve() if sweeping else None
+        self._inputs: dict[str, Path] = {}
+        self._tracker: Tracker | None = None
+
+    # Inputs -----------------------------------------------------------------------------------------------------
+
+    def input(self, relative: str) -> Path:
+        """An upstream output, remembered for the hash of inputs; missing, the error names the stage to run."""
+        self._inputs[relative] = self.workspace.input(relative)
+        return self._inputs[relative]
+
+    def divide(self, cls: type[T], derived: Mapping[str, Any] | None = None) -> tuple[T, TrainSettings]:
+        """The stage's section as (model configuration, training settings); `derived` comes from upstream."""
+        return divide(self.section, cls, self.name, derived)
+
+    def training(self) -> TrainSettings:
+        """The training settings of the stage's section."""
+        return settings_of(self.section, self.name)
+
+    def model(self) -> dict[str, Any]:
+        """The model's own keys of the stage's section."""
+        return model_keys(self.section)
+
+    # Work -------------------------------------------------------------------------------------------------------
+
+    @property
+    def cache(self) -> Path:
+        """Folder for checkpoints of exactly these parameters and inputs, under the real root."""
+        own = {name: self.values.get(name) for name in (*self.owned, "seed", "precision")}
+        key = values_hash([own, content_hash(*self._inputs.values()), os.environ.get("WORLD_SIZE", "1")])
+        return self.workspace.home / ".cache" / self.name / key[:16]
+
+    @property
+    def tracker(self) -> Tracker:
+        """The MLflow run, opened at first use."""
+        if self._tracker is None:
+            tags = {
+                "dvc.stage": os.environ.get("DVC_STAGE", ""),
+                "dvc.exp_name": os.environ.get("DVC_EXP_NAME", ""),
+                "hash.params": values_hash({name: self.values.get(name) for name in (*self.owned, "seed")}),
+                "hash.inputs": content_hash(*self._inputs.values()),
+            }
+            params = {name: self.values.get(name) for name in (*self.owned, *SHARED)}
+            run_name = "-".join(part for part in (self.name, self.label, tags["dvc.exp_name"]) if part)
+            resume = self.cache / "run_id.txt"
+            self._tracker = Tracker(self.workspace.home, self.name, run_name, params, tags, self._sweep, resume)
+        return self._tracker
+
+    # Outputs ----------------------------------------------------------------------------------------------------
+
+    def publish(self, relative: str):
+        """Context: a temporary folder that becomes the output when the block succeeds."""
+        return self.workspace.publish(relative)
+
+    def report(self, values: Mapping[str, Any], relative: str | None = None) -> None:
+        """Writes the stage's report and logs its numbers."""
+        path = self.workspace.write_json(relative or f"reports/{self.name}.json", values)
+        self.tracker.log(0, numbers(values))
+        self.tracker.artifact(path)
+
+    def figure_path(self, name: str) -> Path:
+        """Path of a figure or curve of this stage; its folder exists."""
+        folder = self.workspace.target / "reports" / "figures" / (self.label or self.name)
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder / name
+
+    def figure(self, name: str, figure) -> Path:
+        """Saves a matplotlib figure as PNG and logs it."""
+        path = self.figure_path(f"{name}.png")
+        figure.savefig(path, dpi=110, bbox_inches="tight")
+        self.tracker.artifact(path, "figures")
+        return path
+
+    def __enter__(self) -> Stage:
+        return self
+
+    def __exit__(self, kind, error, trace) -> None:
+        if self._tracker is not None:
+            self._tracker.close(failed=kind is not None)
+
+
+def refuse_foreign_overrides(overrides: Sequence[str], stage: str, owned: Sequence[str]) -> None:
+    """An override of a key that the stage does not read would do nothing: InputError."""
+    for override in overrides:
+        key = override.lstrip("+~").split("=", 1)[0]
+        if key.split(".")[0] not in (*owned, *SHARED):
+            known = ", ".join((*owned, *SHARED))
+            raise InputError(key, override, f"stage {stage} reads only {known}; override it where it is used")
+
+
+def run_stage(body: Callable[[DictConfig], None]) -> Callable[[DictConfig], None]:
+    """Wraps a stage's body so that bad input ends in one line and exit code 2."""
+
+    @functools.wraps(body)  # Hydra finds conf/ from the file of the wrapped function
+    def main(config: DictConfig) -> None:
+        try:
+            body(config)
+        except InputError as error:
+            print(f"error: {error}", file=sys.stderr)
+            sys.exit(2)
+
+    return main

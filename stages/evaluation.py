@@ -1,0 +1,30 @@
+"""Scores one system by the papers' protocol: whatever it offers, generation, captions or reconstruction."""
+
+from _project import ROOT  # isort: skip
+import hydra
+
+from motionary.corpus.store import Corpus
+from motionary.evaluation.scores import Protocol
+from motionary.evaluation.system import score_system
+from motionary.training.settings import build
+from motionary.training.stage import Stage, run_stage
+
+
+@hydra.main(version_base="1.3", config_path="../conf", config_name="config")
+@run_stage
+def main(config):
+    """models/evaluator, models/retrieval, models/<system> -> reports/evaluation/<system>.json"""
+    system = config.evaluation.system
+    with Stage("evaluation", config, ROOT, label=system) as stage:
+        corpus = Corpus.open(stage.input("data/corpus"))
+        models = stage.input("models/evaluator").parent
+        for name in ("retrieval", system):
+            stage.input(f"models/{name}")
+        settings = {k: v for k, v in stage.section.items() if k not in ("system", "systems")}
+        protocol = build(Protocol, settings, "evaluation")
+        report = score_system(system, models, corpus, protocol, stage.seed)
+        stage.report(report, f"reports/evaluation/{system}.json")
+
+
+if __name__ == "__main__":
+    main()

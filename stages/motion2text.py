@@ -1,0 +1,37 @@
+"""Trains the captioner, motion tokens to words (TM2T 3.2)."""
+
+from _project import ROOT  # isort: skip
+import hydra
+
+from motionary.corpus.batches import Pairs, TokenStore
+from motionary.corpus.store import Corpus
+from motionary.models.io import save_model
+from motionary.models.layers import seeded
+from motionary.models.motion2text import build
+from motionary.training.run import last_losses, train
+from motionary.training.stage import Stage, run_stage
+
+
+@hydra.main(version_base="1.3", config_path="../conf", config_name="config")
+@run_stage
+def main(config):
+    """data/corpus, models/tokenizer -> models/motion2text, reports/motion2text.json"""
+    with Stage("motion2text", config, ROOT) as stage:
+        corpus = Corpus.open(stage.input("data/corpus"))
+        tokenizer = stage.input("models/tokenizer")
+        tokens = TokenStore.load(tokenizer)
+        settings = stage.training()
+        with seeded(stage.seed):
+            model = build(stage.model(), corpus.context, tokenizer.parent)
+        raw = not model.config.tokens
+        data = Pairs(corpus, "train", tokens, motion=raw, **stage.data)
+        validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw)
+
+        history = train(stage, model, data, validation, settings, length_sorted=True)
+        with stage.publish("models/motion2text") as folder:
+            save_model(folder, "motion2text", model, corpus.context)
+        stage.report({"training": last_losses(history)})
+
+
+if __name__ == "__main__":
+    main()

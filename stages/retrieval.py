@@ -1,0 +1,25 @@
+"""Embeds every window with the evaluator: the dictionary's search and the baselines that copy."""
+
+from _project import ROOT  # isort: skip
+import hydra
+
+from motionary.corpus.store import Corpus
+from motionary.models.judge import Judge
+from motionary.models.retrieval import Index
+from motionary.training.stage import Stage, run_stage
+
+
+@hydra.main(version_base="1.3", config_path="../conf", config_name="config")
+@run_stage
+def main(config):
+    """data/corpus, models/evaluator -> models/retrieval"""
+    with Stage("retrieval", config, ROOT) as stage:
+        corpus = Corpus.open(stage.input("data/corpus"))
+        judge = Judge(stage.input("models/evaluator").parent, batch_size=stage.section["batch_size"])
+        motions = judge.motions([corpus.features(i) for i in range(len(corpus))], progress="embed")
+        with stage.publish("models/retrieval") as folder:
+            Index(motions, judge.hash).save(folder)
+
+
+if __name__ == "__main__":
+    main()

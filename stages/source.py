@@ -1,0 +1,20 @@
+"""Takes stock of one data root: its files with hashes and durations, and what is wrong with them."""
+
+from _project import ROOT  # isort: skip
+import hydra
+
+from motionary.corpus.sources import inventory
+from motionary.training.stage import Stage, run_stage
+
+
+@hydra.main(version_base="1.3", config_path="../conf", config_name="config")
+@run_stage
+def main(config):
+    """data root -> data/sources/root_<root>/inventory.json"""
+    root = config.source.root
+    with Stage("source", config, ROOT, label=root) as stage:
+        stage.report(inventory(ROOT / root), f"data/sources/root_{root}/inventory.json")
+
+
+if __name__ == "__main__":
+    main()
