@@ -90,6 +90,14 @@ def checked_captions(clip: Clip, duration: float) -> tuple[Clip, list[InputError
     return replace(clip, captions=tuple(kept)), problems
 
 
+def problem_rows(problems: list[InputError], prefix: str = "", most: int = 500) -> list[dict[str, str]]:
+    """The first problems for a report; `prefix` (where the project lies) is left out of file names."""
+    return [
+        {"file": problem.what.replace(prefix, ""), "value": str(problem.value)[:200], "rule": problem.rule}
+        for problem in problems[:most]
+    ]
+
+
 def read_listing(path: Path, parse, where: str | None = None) -> tuple[list, list[InputError]]:
     """Parse each line of a JSON-lines file; a bad line becomes a problem that names file and line.
 

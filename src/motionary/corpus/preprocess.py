@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from tqdm import tqdm
 
-from motionary.corpus.clips import Caption, Clip
+from motionary.corpus.clips import Caption, Clip, problem_rows
 from motionary.corpus.config import DataConfig
 from motionary.corpus.context import Context
 from motionary.corpus.sources import Source, open_sources
@@ -261,10 +261,8 @@ class _Build:
                 for name in sorted(self.read)
             },
             "captions": len(kept),
-            "problems": [
-                {"file": p.what.replace(self.prefix, ""), "value": str(p.value)[:200], "rule": p.rule}
-                for p in self.problems
-            ],
+            "problem_count": len(self.problems),
+            "problems": problem_rows(self.problems, self.prefix),
         }
 
 

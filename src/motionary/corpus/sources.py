@@ -13,7 +13,18 @@ from typing import Any, Protocol
 import numpy as np
 from tqdm import tqdm
 
-from motionary.corpus.clips import BARE_ARRAYS, MOTION_FILES, Caption, Clip, captions, inside, label, rate, read_listing
+from motionary.corpus.clips import (
+    BARE_ARRAYS,
+    MOTION_FILES,
+    Caption,
+    Clip,
+    captions,
+    inside,
+    label,
+    problem_rows,
+    rate,
+    read_listing,
+)
 from motionary.corpus.config import DataConfig
 from motionary.corpus.humanml3d import HumanML3DSource
 from motionary.errors import InputError
@@ -183,10 +194,10 @@ def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
     Reads headers, not motions; `seconds` is None where a header does not tell (arrays that nothing lists).
     """
     root = checked_root(Path(root))
-    released = not (root / "clips.jsonl").is_file() and any(
-        (root / d).is_dir() for d in ("new_joints", "new_joint_vecs")
-    )
-    source = HumanML3DSource(root, root.name) if released else FolderSource(root, root.name)
+    name = root.resolve().name
+    released = any((root / folder).is_dir() for folder in ("new_joints", "new_joint_vecs"))
+    listed = (root / "clips.jsonl").is_file()
+    source = HumanML3DSource(root, name) if released and not listed else FolderSource(root, name)
     clips, problems = source.clips()
     rates = {clip.load.path: clip.fps for clip in clips}
     paths = sorted(path for path in root.rglob("*") if path.is_file())
@@ -199,9 +210,8 @@ def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
         "clips": len(clips),
         "captions": sum(len(clip.captions) for clip in clips),
         "minutes": round(sum(known) / 60, 3),
-        "problems": [
-            {"file": p.what.replace(f"{root}/", ""), "value": str(p.value)[:200], "rule": p.rule} for p in problems
-        ],
+        "problem_count": len(problems),
+        "problems": problem_rows(problems, f"{root}/"),
         "files": files,
     }
 
