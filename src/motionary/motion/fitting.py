@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from motionary.motion.facing import fill_short, heading
-from motionary.motion.kinematics import place
+from motionary.motion.kinematics import agrees, place
 from motionary.motion.motion import Motion
-from motionary.motion.rotations import TINY, between, procrustes, to_matrices, to_quaternions, without_jumps
+from motionary.motion.rotations import TINY, between, procrustes, to_quaternions, without_jumps
 from motionary.motion.skeleton import Skeleton
 
 _NO_BONE = 1e-4  # metres: a shorter bone tells nothing about rotation
-_AGREES = 1e-3  # metres: rotations that place the joints this well are kept
 _ROUNDS = 4  # of the fit of the shape at a joint with several children
 _PULL = 1e-6  # weight of the expected rotation where children leave the rotation open (all in line)
 _FOLDED = -0.98  # cosine: nearer to opposite, the least rotation has no certain axis; the frame before decides
@@ -30,10 +29,8 @@ def fit_rotations(motion: Motion) -> Motion:
     Returns:
         The motion with rotations, on a skeleton with the measured offsets; finite for any finite input.
     """
-    if motion.rotations is not None:
-        placed = place(motion.skeleton, to_matrices(motion.rotations), motion.positions[:, 0])
-        if np.linalg.norm(placed - motion.positions, axis=-1).max() < _AGREES:
-            return motion
+    if agrees(motion):
+        return motion
     positions = motion.positions.astype(np.float64)
     offsets = _measured_offsets(positions, motion.skeleton)
     turned, placed = np.empty((*positions.shape, 3)), np.empty_like(positions)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.motion.motion import Motion
 from motionary.motion.rotations import to_matrices
 from motionary.motion.skeleton import Skeleton
 
@@ -26,6 +27,14 @@ def forward_kinematics(skeleton: Skeleton, rotations: np.ndarray, root_positions
     if root_positions.shape != (*rotations.shape[:-2], 3):
         raise InputError("root_positions", root_positions.shape, f"shape {(*rotations.shape[:-2], 3)}")
     return place(skeleton, to_matrices(rotations), root_positions).astype(np.float32)
+
+
+def agrees(motion: Motion, tolerance: float = 1e-3) -> bool:
+    """Whether a motion has rotations that place its joints within a tolerance in metres."""
+    if motion.rotations is None:
+        return False
+    placed = place(motion.skeleton, to_matrices(motion.rotations), motion.positions[:, 0])
+    return bool(np.linalg.norm(placed - motion.positions, axis=-1).max() < tolerance)
 
 
 def place(skeleton: Skeleton, local: np.ndarray, root_positions: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.motion.facing import heading, rotate_y
+from motionary.motion.kinematics import agrees, forward_kinematics
 from motionary.motion.motion import Motion
 from motionary.motion.rotations import slerp
 from motionary.motion.skeleton import Skeleton
@@ -27,7 +28,8 @@ def canonicalize(motion: Motion) -> Motion:
 def resample(motion: Motion, fps: float) -> Motion:
     """The motion at another rate, from its first frame on, for as long as it has frames.
 
-    Positions follow a Catmull-Rom spline through the frames, rotations are slerped.
+    Positions follow a Catmull-Rom spline through the frames. Rotations are slerped; where they place the joints of
+    the motion, they place those of the result too, so that bones stay constant between frames.
 
     Raises:
         InputError: fps is not a positive number.
@@ -42,10 +44,12 @@ def resample(motion: Motion, fps: float) -> Motion:
     before = np.minimum(time.astype(np.int64), max(motion.frames - 2, 0))
     share = time - before
     after = np.minimum(before + 1, motion.frames - 1)
-    rotations = None
+    positions, rotations = _spline(motion.positions, before, share), None
     if motion.rotations is not None:
         rotations = slerp(motion.rotations[before], motion.rotations[after], share)
-    return Motion(_spline(motion.positions, before, share), fps, motion.skeleton, rotations)
+        if agrees(motion):
+            positions = forward_kinematics(motion.skeleton, rotations, positions[:, 0])
+    return Motion(positions, fps, motion.skeleton, rotations)
 
 
 def mirror(motion: Motion) -> Motion:
