@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -64,20 +65,32 @@ def write_bvh(motion: Motion, path: str | os.PathLike, unit: float = 0.01, force
     local = to_locals(motion)
     skeleton = local.skeleton
     inner = set(skeleton.parents)
-    nodes, columns = [], []
+    nodes: list[Node] = []
+    columns: list[list[np.ndarray]] = []
     angles = np.degrees(to_zxy(local.rotations))
     for j, (name, parent) in enumerate(zip(skeleton.joints, skeleton.parents, strict=True)):
         end = name.endswith("_end") and j not in inner and not local.moving[j]
         node = Node(name, parent, end, tuple(float(x) for x in skeleton.offsets[j] / unit))
+        columns.append([])
         if local.moving[j]:
             node.channels += _POSITIONS
-            columns.append(local.translations[:, j] / unit)
+            columns[j].append(local.translations[:, j] / unit)
         if not end:
             node.channels += _ROTATIONS
-            columns.append(angles[:, j])
+            columns[j].append(angles[:, j])
         nodes.append(node)
-    text = render(nodes, 1 / motion.fps, np.concatenate(columns, axis=1))
+    values = [part for j in _depth_first(skeleton.parents) for part in columns[j]]
+    text = render(nodes, 1 / motion.fps, np.concatenate(values, axis=1))
     return write_bytes(path, text, force)
+
+
+def _depth_first(parents: Sequence[int]) -> list[int]:
+    """Joint indices in the order in which a BVH file nests them."""
+    order, stack = [], [0]
+    while stack:
+        order.append(joint := stack.pop())
+        stack += [j for j in range(len(parents) - 1, 0, -1) if parents[j] == joint]
+    return order
 
 
 def _rate(frame_time: float) -> float:

@@ -8,7 +8,8 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.formats.euler import conjugate, multiply, rotate
-from motionary.motion import Motion, Skeleton
+from motionary.motion import Motion, Skeleton, fit_rotations
+from motionary.motion.skeleton import NAMED
 
 # Metres per unit: metre, centimetre, millimetre, inch, and the unit of the Acclaim files of CMU and of what was made
 # from them (cgspeed's MotionBuilder conversion): 0.45 of them are an inch, 0.0254 / 0.45.
@@ -83,12 +84,26 @@ def to_motion(
         skip_first = _starts_with_t_pose(skeleton, positions)
     if skip_first and len(positions) > 1:
         positions, rotations = positions[1:], rotations[1:]
-    name = f"{track.joints[0]}-{len(track.joints)}"
     try:
-        skeleton = Skeleton.from_rig(name, track.joints, track.parents, track.offsets * scale)
+        skeleton, order = _skeleton(track, track.offsets * scale)
+        positions, rotations = positions[:, order], rotations[:, order]
         return Motion(positions.astype(np.float32), fps, skeleton, rotations.astype(np.float32))
     except InputError as error:
         raise InputError(f"{file}, {error.what}", error.value, error.rule) from None
+
+
+def _skeleton(track: Track, offsets: np.ndarray) -> tuple[Skeleton, list[int]]:
+    """The rig's skeleton and its joints' places in the file: a named skeleton that was written keeps its own order."""
+    names = [track.joints[p] if p >= 0 else None for p in track.parents]
+    tree = dict(zip(track.joints, names, strict=True))
+    for known in map(Skeleton.named, NAMED):
+        parents = [known.joints[p] if p >= 0 else None for p in known.parents]
+        if tree == dict(zip(known.joints, parents, strict=True)):
+            order = [track.joints.index(joint) for joint in known.joints]
+            same = np.allclose(offsets[order][1:], known.offsets[1:], atol=1e-6)
+            return known if same else known.with_offsets(offsets[order]), order
+    name = f"{track.joints[0]}-{len(track.joints)}"
+    return Skeleton.from_rig(name, track.joints, track.parents, offsets), list(range(len(track.joints)))
 
 
 def _without_placement_nodes(track: Track) -> Track:
@@ -195,8 +210,6 @@ class Locals:
 def to_locals(motion: Motion) -> Locals:
     """Local transforms of a motion; rotations are fitted where it has none (then bones become constant)."""
     if motion.rotations is None:
-        from motionary.motion import fit_rotations
-
         motion = fit_rotations(motion)
     assert motion.rotations is not None
     skeleton, positions = motion.skeleton, motion.positions.astype(np.float64)
