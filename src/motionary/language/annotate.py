@@ -84,7 +84,7 @@ def _parse(texts: list[str]) -> Iterable[Sentence]:
 
 
 def _tags(words: Sequence[str], parts_of_speech: Sequence[str]) -> tuple[str, ...]:
-    before = ("", *words[:-1])
+    before = ("", *words)[: len(words)]
     return tuple(lexicon().tag(*each) for each in zip(words, parts_of_speech, before, strict=True))
 
 

@@ -95,11 +95,13 @@ class Lexicon:
 
         Of several classes the first of location, body part, object, action and description counts, but a verb that
         can be an action is one ("hands over a box"), "their back" is a body part and "a slow walk" a description.
-        ``default`` is the class of what is neither in the dictionary nor one of the nine parts of speech.
+        ``default`` counts where it is one of the word's classes, and for a word of no class.
         """
         classes = self.members.get(lemma)
         if not classes:
             return _PARTS_OF_SPEECH.get(part_of_speech, default)
+        if default.lower() in classes:
+            return default
         if "body_part" in classes and previous in _POSSESSIVES:
             return "BODY_PART"
         if "action" in classes and part_of_speech == "VERB":

@@ -34,7 +34,7 @@ _AT_ONCE = re.compile(
 _DIRECTED = re.findall(  # verbs that take a side as adverb
     r"\w+",
     "turn step veer look lean bend hop sidestep shift swerve walk face rotate pivot move jump kick go run jog swing "
-    "sway stagger stumble shuffle dodge leap slide dance stride skip spin twist tilt point reach strafe drift roll pass",
+    "sway stagger stumble shuffle dodge leap slide dance stride skip spin twist tilt point reach strafe drift roll",
 )
 _BEFORE_A_SIDE = re.findall(
     r"\w+",

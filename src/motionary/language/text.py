@@ -26,7 +26,7 @@ _TPOSE = re.compile(r"\b(?:t[- ]|a-)pose\b")
 _TOKEN = re.compile(r"\d+|[^\W\d_]+|[.,;:!?()]")
 _ACCENTED = re.compile(r"([A-Za-z])[\u0300-\u036f]+")
 _SMALL = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
-_NUMBERS = {str(number): word for number, word in enumerate(_SMALL)}
+_NUMBERS: dict[str, str] = {str(number): word for number, word in enumerate(_SMALL)}
 
 
 def tokenize(text: str) -> list[str]:
@@ -41,7 +41,8 @@ def tokenize(text: str) -> list[str]:
         text = pattern.sub(replacement, text)
     text = _TURNING.sub(lambda match: "counterclockwise" if match[1] else "clockwise", text)
     text = _TPOSE.sub(lambda match: match[0][0] + "pose", text)
-    return [_NUMBERS.get(token, token) for token in _TOKEN.findall(text)]
+    words: list[str] = _TOKEN.findall(text)
+    return [_NUMBERS.get(word, word) for word in words]
 
 
 def is_word(token: str) -> bool:

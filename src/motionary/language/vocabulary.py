@@ -104,7 +104,7 @@ class Vocabulary:
         if all(word in self.ids for word in sentence.words):
             return sentence
         words = tuple(self.speller.nearest(word) or SPECIAL[UNKNOWN] for word in sentence.words)
-        before = ("", *words[:-1])
+        before = ("", *words)[: len(words)]
         tags = tuple(
             tag if new in (old, SPECIAL[UNKNOWN]) else lexicon().tag(new, tag, previous, default=tag)
             for new, old, tag, previous in zip(words, sentence.words, sentence.tags, before, strict=True)
