@@ -55,13 +55,13 @@ class SnippetEncoder(nn.Module):
 
 
 class SnippetDecoder(nn.Module):
-    """D of Eq. 4.1. forward(codes (B, S, code_dim), count (B,) | None) -> normalised features (B, 4S, D)."""
+    """D of Eq. 4.1. forward(codes (B, S, code_dim), count (B,) | None) -> normalized features (B, 4S, D)."""
 
     def __init__(self, config: AutoencoderConfig, features: int):
         super().__init__()
         self.first = Up(config.code_dim, config.width, transposed=True)
-        self.second = Up(config.width, config.width, transposed=True)
-        self.output = nn.Linear(config.width, features)
+        self.second = Up(config.width, features, transposed=True)
+        self.output = nn.Linear(features, features)
 
     def forward(self, codes: Tensor, count: Tensor | None = None) -> Tensor:
         x = codes.transpose(1, 2)

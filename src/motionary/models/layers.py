@@ -1,4 +1,4 @@
-"""Blocks that several systems share: normalising, masks, positions, embeddings, the text encoder, initialisation."""
+"""Blocks that several systems share: normalizing, masks, positions, embeddings, the text encoder, initialization."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import torch
 from torch import Tensor, nn
 
 from motionary.errors import InputError
+from motionary.language import TAGS
 from motionary.models.recurrent import BiGRU
 
-TAG_CLASSES = 16  # the 15 word classes and one more for padding
+SPREAD = 0.4  # root mean square of a word vector's entries, about that of GloVe's 300-d vectors
 
 
 class Normalizer(nn.Module):
@@ -30,11 +31,11 @@ class Normalizer(nn.Module):
             raise InputError("std", tuple(self.std.shape), "must have the shape of mean and be positive")
 
     def forward(self, raw: Tensor) -> Tensor:
-        """(..., D) raw features -> normalised."""
+        """(..., D) raw features -> normalized."""
         return (raw - self.mean) / self.std
 
     def inverse(self, normalized: Tensor) -> Tensor:
-        """(..., D) normalised features -> raw."""
+        """(..., D) normalized features -> raw."""
         return normalized * self.std + self.mean
 
 
@@ -67,12 +68,12 @@ class WordEmbedding(nn.Module):
     def __init__(self, words: int, dim: int, tags: bool = True):
         super().__init__()
         self.words = nn.Embedding(words, dim, padding_idx=0)
-        self.tags = nn.Embedding(TAG_CLASSES, dim) if tags else None
-        nn.init.normal_(self.words.weight, std=dim**-0.5)
+        self.tags = nn.Embedding(len(TAGS), dim) if tags else None
+        nn.init.normal_(self.words.weight, std=SPREAD)
         with torch.no_grad():
             self.words.weight[0] = 0
         if self.tags is not None:
-            nn.init.normal_(self.tags.weight, std=0.5 * dim**-0.5)
+            nn.init.normal_(self.tags.weight, std=0.5 * SPREAD)
 
     def forward(self, ids: Tensor, tags: Tensor | None = None) -> Tensor:
         embedded = self.words(ids)
@@ -82,7 +83,7 @@ class WordEmbedding(nn.Module):
 
     @torch.no_grad()
     def start_from(self, vectors: np.ndarray) -> None:
-        """Start from pretrained word vectors (V, d): centred, cut to `dim` principal axes, rows of about unit length.
+        """Start from pretrained word vectors (V, d): centered, cut to `dim` principal axes, scaled to SPREAD.
 
         Rows that are all zero (words the source does not know) keep their random start.
         """
@@ -96,7 +97,7 @@ class WordEmbedding(nn.Module):
         rows = table[known] - table[known].mean(0)
         _, _, axes = torch.linalg.svd(rows, full_matrices=False)
         rows = rows @ axes[: self.words.embedding_dim].t()
-        rows = rows / rows.norm(dim=1).mean().clamp(min=1e-8)
+        rows = rows * SPREAD * self.words.embedding_dim**0.5 / rows.norm(dim=1).mean().clamp(min=1e-8)
         start = torch.zeros(rows.shape[0], self.words.embedding_dim)
         start[:, : rows.shape[1]] = rows
         self.words.weight[known.to(self.words.weight.device)] = start.to(self.words.weight.device)

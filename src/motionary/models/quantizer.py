@@ -1,7 +1,7 @@
 """The codebook (TM2T Eq. 1 and 3; van den Oord et al., 2017): nearest code, straight-through gradient.
 
 It learns in one of two ways. `gradient` is the paper's: it follows the second term of Eq. 3. `ema` moves each code to
-the running mean of the latents that chose it (van den Oord et al., appendix A.1) and restarts codes that nobody chooses.
+the running mean of the latents that chose it (van den Oord et al., appendix A.1) and restarts unused codes.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ class TokenizerConfig:
 
 
 class TokenEncoder(nn.Module):
-    """E of Eq. 2. forward(x (B, C, T) normalised, mask) -> latents (B, T/4, d)."""
+    """E of Eq. 2. forward(x (B, C, T) normalized, mask) -> latents (B, T/4, d)."""
 
     def __init__(self, config: TokenizerConfig, features: int):
         super().__init__()
@@ -98,7 +98,7 @@ class TokenEncoder(nn.Module):
 
 
 class TokenDecoder(nn.Module):
-    """D of Eq. 2. forward(codebook entries (B, S, d), count (B,) | None) -> normalised features (B, 4S, D)."""
+    """D of Eq. 2. forward(codebook entries (B, S, d), count (B,) | None) -> normalized features (B, 4S, D)."""
 
     def __init__(self, config: TokenizerConfig, features: int):
         super().__init__()
