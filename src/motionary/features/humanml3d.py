@@ -51,9 +51,9 @@ class HumanML3D:
         self.dim = 12 * joints - 1
         self.slices = _slices(joints)
         self._order, self._before = bones.chain_order(skeleton)
-        self._start = tuple(chain[0] for chain in skeleton.chains)
-        order = slice(None, None, -1) if skeleton.codec_swaps_sides else slice(None)
-        self._hips, self._shoulders = skeleton.hips[order], skeleton.shoulders[order]
+        self._hips, self._shoulders = skeleton.hips, skeleton.shoulders
+        if skeleton.codec_swaps_sides:
+            self._hips, self._shoulders = _swapped(self._hips), _swapped(self._shoulders)
 
     def encode(self, motion: Motion) -> np.ndarray:
         """(T - 1, dim) float32 features of T frames; blind to the first frame's horizontal position and heading.
@@ -112,7 +112,7 @@ class HumanML3D:
 
     def _half_angles(self, positions: np.ndarray) -> np.ndarray:
         """(T,) half the angle about y that turns the smoothed facing to +z: the released root quaternion's."""
-        forward = _smooth(forward_vectors(positions, self._hips[::-1], self._shoulders))
+        forward = _smooth(forward_vectors(positions, _swapped(self._hips), self._shoulders))
         forward = fill_short(forward, np.array([0.0, 1.0]))
         half = -np.arctan2(forward[:, 0], forward[:, 1]) / 2
         half[0] = 0.0
@@ -202,6 +202,10 @@ def _recover_root(features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     root = np.cumsum(rotate_y(steps, -2 * half), axis=-2)
     root[..., 1] = features[..., 3]
     return half, root
+
+
+def _swapped(sides: tuple[int, int]) -> tuple[int, int]:
+    return sides[1], sides[0]
 
 
 def _smooth(vectors: np.ndarray) -> np.ndarray:

@@ -6,6 +6,9 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.motion import Skeleton
+from motionary.motion.rotations import across
+
+_NO_BONE = 1e-5  # metres: the direction of a shorter bone is rounding
 
 
 def chain_order(skeleton: Skeleton) -> tuple[np.ndarray, np.ndarray]:
@@ -43,17 +46,17 @@ def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     length = np.sqrt(a * a + b * b + c * c)
     turn = np.stack([y * c - z * b, z * a - x * c, x * b - y * a, length + x * a + y * b + z * c])
     norm = np.sqrt((turn * turn).sum(axis=0))
-    opposite = (norm < 1e-7 * length) & (length > 1e-8)
+    opposite = (norm < 1e-7 * length) & (length > _NO_BONE)
     if opposite.any():
         axes = np.zeros_like(turn)
-        axes[:3] = _across(start)
+        axes[:3] = np.moveaxis(across(np.moveaxis(start, 0, -1)), -1, 0)
         turn, norm = np.where(opposite, axes, turn), np.where(opposite, 1.0, norm)
-    return np.where(length > 1e-8, turn / np.maximum(norm, 1e-30), 0.0)
+    return np.where(length > _NO_BONE, turn / np.maximum(norm, 1e-30), 0.0)
 
 
 def hold_unknown(turned: np.ndarray, root: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Zero quaternions of (4, T, bones) replaced by the rotation of the bone before (root (4, T) before the first)."""
-    unknown = ~turned.any(axis=0)
+    unknown = np.asarray(~turned.any(axis=0))
     for bone in np.flatnonzero(unknown.any(axis=0)):
         source = root if before[bone] < 0 else turned[..., before[bone]]
         turned[..., bone] = np.where(unknown[:, bone], source, turned[..., bone])
@@ -94,18 +97,10 @@ def matrices(sixd: np.ndarray) -> np.ndarray:
     first = _unit(sixd[..., :3], np.array([1.0, 0.0, 0.0]))
     third = np.cross(first, sixd[..., 3:])
     # Columns in line leave the turn about the first open: take any.
-    third = _unit(third, np.moveaxis(_across(np.moveaxis(first, -1, 0)), 0, -1))
+    third = _unit(third, across(first))
     return np.stack([first, np.cross(third, first), third], axis=-1)
 
 
 def _unit(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.where(length > 1e-8, vectors / np.maximum(length, 1e-8), otherwise)
-
-
-def _across(unit: np.ndarray) -> np.ndarray:
-    """A unit vector across each of the unit vectors (3, ...)."""
-    x, y, z = unit
-    zero = np.zeros_like(x)
-    axis = np.where(np.abs(x) < 0.9, np.stack([zero, z, -y]), np.stack([-z, zero, x]))
-    return axis / np.sqrt((axis * axis).sum(axis=0))

@@ -92,7 +92,7 @@ def _guess(motion: Motion, skeleton: Skeleton, source: list[int]) -> np.ndarray:
         if known[joint]:
             continue
         if torso is None:
-            torso = _torso(points, known, rest, skeleton)
+            torso = _torso(points, rest, skeleton)
         below = _nearest_known(skeleton, known, joint)
         begin, end = (parent, below) if below >= 0 else (skeleton.parents[parent], parent)
         bone, seen = rest[end] - rest[max(begin, 0)], points[:, end] - points[:, max(begin, 0)]
@@ -107,7 +107,7 @@ def _guess(motion: Motion, skeleton: Skeleton, source: list[int]) -> np.ndarray:
     return points
 
 
-def _torso(points: np.ndarray, known: np.ndarray, rest: np.ndarray, skeleton: Skeleton) -> np.ndarray:
+def _torso(points: np.ndarray, rest: np.ndarray, skeleton: Skeleton) -> np.ndarray:
     """(T, 3, 3) rotation of the trunk from the rest pose: across by hips and shoulders, up from hips to shoulders."""
 
     def frame(p: np.ndarray) -> np.ndarray:

@@ -88,6 +88,6 @@ def slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 def without_jumps(quaternions: np.ndarray) -> np.ndarray:
     """The same rotations (T, J, 4), each of the sign that is nearer to the frame before."""
-    flips = np.where((quaternions[1:] * quaternions[:-1]).sum(-1) < 0, -1.0, 1.0)
-    signs = np.concatenate([np.ones_like(flips[:1]), np.cumprod(flips, axis=0)]) if len(flips) else np.ones(1)
-    return (quaternions * signs[..., None] if len(flips) else quaternions).astype(np.float32)
+    flips = np.where((quaternions[1:] * quaternions[:-1]).sum(-1) < 0, np.float32(-1), np.float32(1))
+    signs = np.cumprod(np.concatenate([np.ones_like(quaternions[:1, :, 0]), flips]), axis=0)
+    return quaternions * signs[..., None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -54,14 +55,15 @@ class Skeleton:
     codec_swaps_sides: bool = False
 
     def __post_init__(self):
-        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731 (frozen dataclass)
-        for name in ("joints", "parents", "feet", "hips", "shoulders"):
-            put(name, tuple(getattr(self, name)))
+        object.__setattr__(self, "joints", tuple(self.joints))
+        for name in ("parents", "feet", "hips", "shoulders"):
+            object.__setattr__(self, name, _indices(self.name, name, getattr(self, name)))
         for name in ("chains", "pairs"):
-            put(name, tuple(tuple(row) for row in getattr(self, name)))
-        put("offsets", _frozen_array(self.offsets))
+            rows = tuple(_indices(self.name, name, row) for row in getattr(self, name))
+            object.__setattr__(self, name, rows)
+        object.__setattr__(self, "offsets", _frozen_array(self.name, "offsets", self.offsets))
         if self.directions is not None:
-            put("directions", _frozen_array(self.directions))
+            object.__setattr__(self, "directions", _frozen_array(self.name, "directions", self.directions))
         _check(self)
 
     @staticmethod
@@ -89,11 +91,11 @@ class Skeleton:
             offsets: (J, 3) rest offsets, metres.
         """
         roles = find_roles(tuple(joints))
-        at = lambda *names: tuple(roles.get(n, 0) for n in names)  # noqa: E731
-        # A rig without toes (DAZ) stands on its ankles.
-        feet = tuple(
-            roles.get(f"{s}_{n}", roles.get(f"{s}_ankle", 0)) for s in ("left", "right") for n in ("ankle", "foot")
-        )
+
+        def at(role: str, otherwise: int = 0) -> int:
+            return roles.get(role, otherwise)
+
+        left, right = at("left_ankle"), at("right_ankle")
         return Skeleton(
             name=name,
             joints=tuple(joints),
@@ -101,9 +103,10 @@ class Skeleton:
             offsets=offsets,
             chains=_chains(parents),
             pairs=_pairs(joints, roles),
-            feet=feet,
-            hips=at("left_hip", "right_hip"),
-            shoulders=at("left_shoulder", "right_shoulder"),
+            # A rig without toes stands on its ankles.
+            feet=(left, at("left_foot", left), right, at("right_foot", right)),
+            hips=(at("left_hip"), at("right_hip")),
+            shoulders=(at("left_shoulder"), at("right_shoulder")),
         )
 
     @cached_property
@@ -122,9 +125,8 @@ class Skeleton:
         if self.directions is not None:
             return self.directions
         length = self.bone_lengths[:, None]
-        return np.where(length > 1e-6, self.offsets / np.maximum(length, 1e-6), np.float32([0, 1, 0])).astype(
-            np.float32
-        )
+        up = np.array([0, 1, 0], np.float32)
+        return np.where(length > 1e-6, self.offsets / np.maximum(length, 1e-6), up)
 
     def with_offsets(self, offsets: np.ndarray) -> Skeleton:
         """The same tree with other rest offsets (J, 3), metres."""
@@ -179,10 +181,20 @@ def _fields(skeleton: Skeleton) -> dict[str, Any]:
     return {name: getattr(skeleton, name) for name in Skeleton.__dataclass_fields__}
 
 
-def _frozen_array(values: Any) -> np.ndarray:
-    array = np.array(values, dtype=np.float32)
+def _frozen_array(skeleton: str, name: str, values: Any) -> np.ndarray:
+    try:
+        array = np.array(values, dtype=np.float32) + np.float32(0)  # no -0, which would compare as different
+    except (TypeError, ValueError):
+        raise InputError(f"skeleton {skeleton}.{name}", values, "numbers of shape (J, 3)") from None
     array.flags.writeable = False
     return array
+
+
+def _indices(skeleton: str, name: str, values: Any) -> tuple[int, ...]:
+    try:
+        return tuple(operator.index(v) for v in values)
+    except TypeError:
+        raise InputError(f"skeleton {skeleton}.{name}", values, "a list of joint indices") from None
 
 
 def _check(skeleton: Skeleton) -> None:

@@ -11,6 +11,10 @@ from motionary.motion.motion import Motion
 from motionary.motion.rotations import slerp
 from motionary.motion.skeleton import Skeleton
 
+_MIRROR = np.array([-1, 1, 1], np.float32)
+# A mirrored rotation turns the other way about the mirrored axis: M R M has the axis (x, -y, -z).
+_MIRROR_TURN = np.array([1, -1, -1, 1], np.float32)
+
 
 def canonicalize(motion: Motion) -> Motion:
     """The motion on the floor and facing ahead, as HumanML3D stores it.
@@ -59,12 +63,11 @@ def mirror(motion: Motion) -> Motion:
     Twice mirrored is the motion itself. (`motionary.language.mirror_text` mirrors its captions.)
     """
     swap = _swap(motion.skeleton)
-    positions = motion.positions[:, swap] * np.float32([-1, 1, 1])
+    positions = motion.positions[:, swap] * _MIRROR
     if motion.rotations is None:
         return Motion(positions, motion.fps, motion.skeleton)
-    # A mirrored rotation turns the other way about the mirrored axis: M R M has the axis (x, -y, -z).
-    rotations = motion.rotations[:, swap] * np.float32([1, -1, -1, 1])
-    skeleton, offsets = motion.skeleton, motion.skeleton.offsets[swap] * np.float32([-1, 1, 1])
+    rotations = motion.rotations[:, swap] * _MIRROR_TURN
+    skeleton, offsets = motion.skeleton, motion.skeleton.offsets[swap] * _MIRROR
     if np.abs(offsets - skeleton.offsets).max() > 1e-6:
         skeleton = skeleton.with_offsets(offsets)
     return Motion(positions, motion.fps, skeleton, rotations)
