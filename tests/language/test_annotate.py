@@ -23,6 +23,8 @@ from motionary.language.lexicon import inflections, lexicon
         ("people were running on their hands and feet", "person is run on their hand and foot"),
         ("Someone hops 4 times", "someone hop four times"),
         ("turns counter-clockwise; then anticlockwise", "turn counterclockwise then counterclockwise"),
+        ("rotates his torso clockwise", "rotate his torso clockwise"),
+        ("a t-pose as if to a pose", "a tpose as if to a pose"),
         ("they don't stop, it's still", "they do not stop it is still"),
         ("a person's knees bent", "a person knee bend"),
         ("run/jog, sudden stop", "run jog sudden stop"),

