@@ -9,6 +9,7 @@ import numpy as np
 
 from motionary.corpus.demo.acts import Act
 
+LONGEST = 20  # words; longer sentences are drawn again
 SUBJECTS = ("a person", "someone", "the person", "a man", "a woman")
 COUNTS = {1: ("once",), 2: ("twice", "two times"), 3: ("three times",), 4: ("four times",), 5: ("five times",)}
 NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
@@ -118,7 +119,7 @@ def _phrases(act: Act) -> tuple[str, ...]:
     if act.action == "kick":
         if act.direction == "side":
             return ("kicks to the side with the {side} foot {n}", "kicks sideways with the {side} leg {n}")
-        return ("kicks forward with the {side} foot {n}", "kicks with the {side} leg {n}")
+        return ("kicks forward with the {side} foot {n}", "kicks forward with the {side} leg {n}")
     if act.action == "point":
         if act.direction == "side":
             return ("points to the {side} with the {side} hand", "points to the side with the {side} arm")
@@ -163,7 +164,7 @@ def _sentence(acts: tuple[Act, ...], style: str, together: bool, rng: np.random.
         return f"{subject} {word} {body}"
     if word and len(phrases) > 1 and not together:
         # Behind two acts a manner would seem to belong to the second alone.
-        return f"{subject} {word} {body}" if word.endswith("ly") else f"{word}, {subject} {body}"
+        return f"{'an' if style[0] in 'ao' else 'a'} {style} person {body}"
     return f"{subject} {body} {word}".strip()
 
 
@@ -181,8 +182,11 @@ def captions(
     """
     wanted = count or int(rng.integers(3, 5))
     found: dict[str, None] = {}
-    for _ in range(40):
-        found[_sentence(acts, style, together, rng)] = None
+    for _ in range(60):
+        sentence = _sentence(acts, style, together, rng)
+        if len(sentence.split()) > LONGEST:
+            continue
+        found[sentence] = None
         if len(found) == wanted:
             break
     return list(found)

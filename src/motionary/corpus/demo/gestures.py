@@ -15,6 +15,11 @@ from motionary.corpus.demo.styles import Mood
 GUARD = (0.75, 0.22, -0.35, 2.0)
 
 
+def _level(mood: Mood) -> float:
+    """How far a stooped chest tips forward: an arm that aims at the world must lift by as much more."""
+    return mood.stance.spine[0] + mood.stance.pelvis[0]
+
+
 class Keys:
     """Key poses of one or both arms, written one after the other: `to(seconds, pose)`, `back(seconds)`."""
 
@@ -64,13 +69,14 @@ def wave(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     """Lift one hand or both above the head and wave `count` times (three where none is given)."""
     big = np.clip(mood.amplitude, 0.75, 1.25)
     keys = Keys(mood)
+    tilt = 0.25 + 0.8 * _level(mood)
     upper, twist = 2.1 + float(rng.uniform(-0.06, 0.1)), 1.35
-    keys.to(0.6, (0.25, upper, twist, 0.75))
+    keys.to(0.6, (tilt, upper, twist, 0.75))
     waves = act.count or 3
     for _ in range(waves):
-        keys.to(0.26, (0.25, upper, twist, 0.75 + 0.5 * big))
-        keys.to(0.26, (0.25, upper, twist, 0.75 - 0.4 * big))
-    keys.to(0.15, (0.25, upper, twist, 0.8))
+        keys.to(0.26, (tilt, upper, twist, 0.75 + 0.5 * big))
+        keys.to(0.26, (tilt, upper, twist, 0.75 - 0.4 * big))
+    keys.to(0.15, (tilt, upper, twist, 0.8))
     keys.back(0.65)
     plan, t = _standing(mood, keys.end)
     for side in act.sides:
@@ -82,14 +88,15 @@ def wave(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
 def lift_arm(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     """Raise one arm or both above the head and lower them again, `count` times."""
     high = 2.85 + float(rng.uniform(-0.12, 0.1))
+    front = min(high + max(_level(mood), 0.0), 3.3)
     sideways = bool(rng.integers(2)) and len(act.sides) == 2
-    top = (0.15, high, 0.6, 0.12) if sideways else (high, 0.16, 0.0, 0.12)
+    top = (0.15 + 0.7 * _level(mood), high, 0.6, 0.12) if sideways else (front, 0.16, 0.0, 0.12)
     keys = Keys(mood)
     for k in range(act.times):
         keys.to(0.75, top)
         keys.hold(0.35 + 0.25 * float(rng.random()))
         if k < act.times - 1:
-            keys.to(0.6, 0.75 * keys.rest + 0.25 * np.array(top))
+            keys.to(0.7, 0.9 * keys.rest + 0.1 * np.array(top))
     keys.back(0.8)
     plan, t = _standing(mood, keys.end)
     for side in act.sides:
@@ -113,7 +120,7 @@ def punch(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     for k, side in enumerate(order):
         start = begin + k * beat
         out[:, side] += curve(t, [start, start + 0.2 * beat, start + 0.45 * beat, start + beat], [0, -0.12, 1, 0])
-    reach = np.array((1.5, -0.06, -0.35, 0.08))
+    reach = np.array((1.5 + _level(mood), -0.06, -0.35, 0.08))
     for side in (LEFT, RIGHT):
         pose = np.array(GUARD) + out[:, side, None] * (reach - GUARD)
         plan.arms[:, side] = rest[:, side] + guard[:, None] * (pose - rest[:, side])
@@ -148,7 +155,7 @@ def clap(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
 def point(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     """Point forward or to the side with one arm and hold it."""
     level = 1.5 + float(rng.uniform(-0.05, 0.08))
-    aim = (level, 0.02, 0.0, 0.04) if act.direction == "forward" else (0.08, level, 0.4, 0.04)
+    aim = (level + _level(mood), 0.02, 0.0, 0.04) if act.direction == "forward" else (0.08, level, 0.4, 0.04)
     keys = Keys(mood)
     keys.to(0.6, aim)
     keys.hold(0.9 + 0.5 * float(rng.random()))

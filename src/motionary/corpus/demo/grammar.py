@@ -70,7 +70,7 @@ ACTIONS: dict[str, Action] = {
     "kick": Action(whole_body.kick, sides=ONE, directions=("forward", "side"), counts=(1, 2, 3), weight=1.3),
     "stand": Action(whole_body.stand, weight=0.4, paced=False, joins=False),
     "wave": Action(gestures.wave, sides=BOTH, weight=1.4, hands=True),
-    "raise": Action(gestures.lift_arm, sides=BOTH, counts=(1, 2, 3), weight=1.4, hands=True),
+    "raise": Action(gestures.lift_arm, sides=BOTH, counts=(1, 2), weight=1.4, hands=True),
     "punch": Action(gestures.punch, sides=BOTH, counts=(2, 3, 4), weight=1.2),
     "clap": Action(gestures.clap, counts=(2, 3, 4), hands=True),
     "point": Action(gestures.point, sides=ONE, directions=("forward", "side"), hands=True),

@@ -158,7 +158,7 @@ def hop(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
 
 def jack(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     """Jumping jacks: feet apart and arms up, then back, `count` times."""
-    lift = 0.055 * np.clip(mood.amplitude, 0.75, 1.15)
+    lift = 0.085 * np.clip(mood.amplitude, 0.75, 1.15)
     bounces = Bounces(2 * act.times, lift, 0.07, 0.06, mood.seconds(0.16), begin=mood.seconds(0.15))
     plan = standing(mood.stance, bounces.end + 0.25)
     t = np.arange(plan.frames) / RATE

@@ -33,7 +33,7 @@ def _arc_shape(length: float, angle: float, straight: float = 0.0):
 
 def _stride(mood: Mood, act: Act, base: float) -> float:
     """Length of one step: styles and speeds change it less than they change the tempo."""
-    return base * np.clip(mood.amplitude, 0.7, 1.2) * {None: 1.0, "slow": 0.72, "fast": 1.18}[act.speed]
+    return base * float(np.clip(mood.amplitude, 0.7, 1.12)) * {None: 1.0, "slow": 0.72, "fast": 1.12}[act.speed]
 
 
 def _tempo(mood: Mood, low: float, high: float) -> float:
@@ -44,7 +44,7 @@ def _tempo(mood: Mood, low: float, high: float) -> float:
 def walk(act: Act, mood: Mood, rng: np.random.Generator, seconds: float | None = None) -> Plan:
     """Walk forward (straight, or bending left or right) or backward; at least `seconds` long where given."""
     backward = act.direction == "backward"
-    cycle = (1.2 if backward else 1.06) / _tempo(mood, 0.75, 1.3)
+    cycle = (1.2 if backward else 1.06) / _tempo(mood, 0.75, 1.18)
     stride = _stride(mood, act, 0.42 if backward else 0.6)
     steps = int(rng.integers(5, 8)) if seconds is None else max(4, int(np.ceil((seconds - 0.5) / cycle * 2)))
     length = stride * (steps - 0.6)
@@ -61,9 +61,9 @@ def walk(act: Act, mood: Mood, rng: np.random.Generator, seconds: float | None =
 
 def run(act: Act, mood: Mood, rng: np.random.Generator, seconds: float | None = None) -> Plan:
     """Run forward, straight or bending left or right."""
-    cycle = 0.7 / _tempo(mood, 0.85, 1.15)
-    steps = int(rng.integers(6, 9)) if seconds is None else max(5, int(np.ceil((seconds - 0.5) / cycle * 2)))
-    length = _stride(mood, act, 0.88) * (steps - 2)
+    cycle = 0.68 / _tempo(mood, 0.88, 1.15)
+    steps = int(rng.integers(7, 10)) if seconds is None else max(5, int(np.ceil((seconds - 0.5) / cycle * 2)))
+    length = float(np.clip(_stride(mood, act, 0.98), 0.82, 1.15)) * (steps - 2)
     rhythm = Rhythm(cycle, 0.36, 0.16, 0.75, 1.35, 0.12, 0.035, 0.85, 0.8, 1.0, 0.13, 3.6)
     angle = act.turn * float(rng.uniform(1.35, 1.75))
     return travel(mood, _arc_shape(length, angle, 0.1), steps, rhythm, int(rng.integers(2)))

@@ -36,7 +36,7 @@ def _pull_arms(plan: Plan, weight: np.ndarray, pose, sides=(0, 1)) -> None:
 
 def squat(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     """Squat down with the arms stretched forward and come up again, `count` times."""
-    times, values = _repeated(mood, act.times, 0.75, 0.15, 0.75, 0.12)
+    times, values = _repeated(mood, act.times, 0.65, 0.05, 0.62, 0.12)
     plan, t = _standing(mood, times[-1])
     low = curve(t, times, values)
     depth = 0.42 * np.clip(mood.amplitude, 0.7, 1.08) + float(rng.uniform(-0.02, 0.03))
@@ -51,7 +51,7 @@ def squat(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
 
 def sit(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     """Sit down on a seat at knee height, stay, and stand up again."""
-    down, hold = mood.seconds(1.05), 0.7 + 0.7 * float(rng.random())
+    down, hold = mood.seconds(1.05), 0.95 + 0.7 * float(rng.random())
     up = mood.seconds(1.0)
     times = np.cumsum([0.15, down, hold, up])
     plan, t = _standing(mood, times[-1])
@@ -164,7 +164,7 @@ def kick(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     side = act.sides[0]
     sign = 1 if side == LEFT else -1
     beat = 0.98 / min(mood.tempo, 1.3)
-    begin, big = mood.seconds(0.45), np.clip(mood.amplitude, 0.7, 1.15)
+    begin, big = mood.seconds(0.45), np.clip(mood.amplitude, 0.88, 1.15)
     end = begin + beat * act.times + mood.seconds(0.45)
     plan, t = _standing(mood, end)
     high = 1.35 * big + float(rng.uniform(-0.08, 0.1))
