@@ -174,9 +174,8 @@ def check_text(text: Any, where: str) -> str:
         raise InputError(where, text, "caption must be a non-empty string")
     text = " ".join(text.split())
     if len(text) > LONGEST_CAPTION:
-        raise InputError(
-            where, f"{text[:40]}... ({len(text)} characters)", f"must have <= {LONGEST_CAPTION} characters"
-        )
+        shown = f"{text[:40]}... ({len(text)} characters)"
+        raise InputError(where, shown, f"caption must have at most {LONGEST_CAPTION} characters")
     letters = [character for character in text if character.isalpha()]
     if not letters or sum(character.isascii() for character in letters) < 0.75 * len(letters):
         raise InputError(where, text, "caption must be English")

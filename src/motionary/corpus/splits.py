@@ -36,7 +36,7 @@ def split_clips(clips: Sequence[Clip], kind: str, ratios: Sequence[float], seed:
     result = {clip.id: splits[clip.origin] for clip in clips}
     if kind == "given":
         result |= {clip.id: clip.split for clip in clips if clip.split}
-    if kind != "clip" and "test" not in result.values():
+    if kind in ("subject", "combination") and ratios[2] and "test" not in result.values():
         raise InputError("data.split", kind, "leaves no test clips: there are too few subjects or combinations")
     return result
 

@@ -22,6 +22,7 @@ from motionary.motion import Motion, Skeleton, canonicalize, mirror, resample, r
 
 CHUNK = 8  # clips per task: large enough to hide the cost of a task, small enough to keep results few in memory
 JUMP = 10.0  # a first frame this many times further from the second than frames usually are is a bind pose
+FASTEST = 15.0  # m/s of the root; nobody has run faster, so this is a tracking error
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,14 @@ def encode_clip(clip: Clip, split: str, recipe: Recipe) -> Encoded:
             result.dropped["segment too short"] += short
         twin = recipe.mirror and clip.mirrors and split == "train"
         for window in found:
-            part = canonicalize(motion.crop(window.first, window.first + window.length + 1))
+            part = motion.crop(window.first, window.first + window.length + 1)
+            speed = _root_speed(part)
+            if speed > FASTEST:
+                rule = f"root must not move faster than {FASTEST:g} m/s; window {window.start:.2f} s dropped"
+                result.problems.append(InputError(clip.where, f"{speed:.1f} m/s", rule))
+                result.dropped["root jumps"] += 1
+                continue
+            part = canonicalize(part)
             features = _encode(part, recipe, clip)
             flipped = _encode(canonicalize(mirror(part)), recipe, clip) if twin else None
             result.windows.append((window, features, flipped))
@@ -83,20 +91,26 @@ def clip_labels(clip: Clip, *_) -> Clip:
 
 
 def without_bind_pose(motion: Motion) -> Motion:
-    """The motion with a T-pose in frame 0 replaced by frame 1, so that times stay.
+    """The motion with a leading T-pose replaced by the first real frame, so that times stay.
 
-    Some exporters put the bind pose first: a jump many times larger than any usual step.
+    Some exporters put the bind pose in frame 0 and some blend out of it over a few frames: steps many times larger
+    than usual, in at most the first 0.1 s.
     """
-    if motion.frames < 4:
+    if motion.frames < 8:
         return motion
-    pose = motion.positions[:30] - motion.positions[:30, :1]
+    pose = motion.positions[: round(motion.fps)] - motion.positions[: round(motion.fps), :1]
     steps = np.linalg.norm(np.diff(pose, axis=0), axis=-1).mean(axis=1)
-    if steps[0] < 0.02 or steps[0] < JUMP * np.median(steps[1:]):
+    usual = np.median(steps[1:])
+    if steps[0] < 0.02 or steps[0] < JUMP * usual:
         return motion
-    rotations = motion.rotations
-    if rotations is not None:
-        rotations = np.concatenate([rotations[1:2], rotations[1:]])
-    return replace(motion, positions=np.concatenate([motion.positions[1:2], motion.positions[1:]]), rotations=rotations)
+    calm = np.flatnonzero(steps < max(3 * usual, 0.005))
+    first = min(int(calm[0]) if len(calm) else 1, max(1, round(0.1 * motion.fps)))
+
+    def held(values: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.repeat(values[first : first + 1], first, axis=0), values[first:]])
+
+    rotations = None if motion.rotations is None else held(motion.rotations)
+    return replace(motion, positions=held(motion.positions), rotations=rotations)
 
 
 def in_order(task: Callable, jobs: Sequence[tuple], workers: int) -> Iterator:
@@ -105,13 +119,13 @@ def in_order(task: Callable, jobs: Sequence[tuple], workers: int) -> Iterator:
     One process runs in this one; several are spawned with one thread each, and at most a few chunks are in flight,
     so memory does not grow with the number of jobs.
     """
-    if workers == 1:
+    if workers == 1 or len(jobs) <= CHUNK:
         yield from (task(*job) for job in jobs)
         return
     chunks = (jobs[i : i + CHUNK] for i in range(0, len(jobs), CHUNK))
     with (
         _one_thread(),
-        ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start) as pool,
+        ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool,
     ):
         waiting = deque(pool.submit(_run, task, chunk) for chunk in islice(chunks, 2 * workers))
         try:
@@ -126,12 +140,6 @@ def in_order(task: Callable, jobs: Sequence[tuple], workers: int) -> Iterator:
 
 def _run(task: Callable, jobs: Sequence[tuple]) -> list:
     return [task(*job) for job in jobs]
-
-
-def _start() -> None:
-    import torch
-
-    torch.set_num_threads(1)
 
 
 @contextmanager
@@ -165,6 +173,10 @@ def _encode(motion: Motion, recipe: Recipe, clip: Clip) -> np.ndarray:
     if not np.isfinite(features).all():
         raise InputError(clip.where, "not finite", "features must be finite; the motion is degenerate")
     return features
+
+
+def _root_speed(motion: Motion) -> float:
+    return float(np.linalg.norm(np.diff(motion.positions[:, 0], axis=0), axis=-1).max() * motion.fps)
 
 
 def _fail(result: Encoded, problem: InputError) -> None:

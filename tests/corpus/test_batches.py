@@ -1,0 +1,193 @@
+"""Batches: right frames, zero padding, exact resumption, equal work for every rank."""
+
+import numpy as np
+import pytest
+import torch
+
+from motionary.corpus.batches import Batches, Pairs, TokenStore, Windows
+from motionary.errors import InputError
+
+
+def same(a, b):
+    return all(
+        (x is None and y is None) or torch.equal(x, y) for x, y in zip(vars(a).values(), vars(b).values(), strict=True)
+    )
+
+
+@pytest.fixture(scope="module")
+def tokens(corpus):
+    """Token k of window i is 10 i + k."""
+    return TokenStore.collect([10 * i + np.arange(corpus.clips.length[i] // 4) for i in range(len(corpus))])
+
+
+def check_padding(corpus, batch):
+    for i, row in enumerate(batch.clip.tolist()):
+        count = int(batch.frames[i])
+        assert (batch.motion[i, count:] == 0).all()
+        features = torch.from_numpy(np.array(corpus.features(row)))
+        starts = range(0, len(features) - count + 1)
+        assert any(torch.equal(batch.motion[i, :count], features[s : s + count]) for s in starts)
+
+
+@pytest.mark.parametrize("window", [16, 64, 300])
+def test_windows_hold_stretches_of_their_clip(corpus, window):
+    for batch in Batches(Windows(corpus, "train", window), 8, seed=1).epoch(0):
+        assert batch.motion.shape[1:] == (window, corpus.context.dim)
+        assert batch.motion.dtype == torch.float32
+        lengths = torch.from_numpy(corpus.clips.length[batch.clip.numpy()])
+        assert torch.equal(batch.frames, lengths.clamp(max=window))
+        check_padding(corpus, batch)
+
+
+def test_windows_of_validation_cover_the_clip_evenly(corpus):
+    data = Windows(corpus, "val", 24)
+    for row in np.unique(data.rows):
+        starts = data.starts[data.rows == row]
+        assert starts[0] == 0
+        assert starts[-1] in (0, corpus.clips.length[row] - 24)
+        assert len(starts) == corpus.clips.length[row] // 24
+    first, second = (next(Batches(data, 4, shuffle=False).epoch(e)) for e in (0, 1))
+    assert same(first, second)
+
+
+def test_windows_include_uncaptioned_clips_and_count_by_length(corpus):
+    rows = Windows(corpus, "train", 32).rows
+    assert set(rows) == set(corpus.rows("train"))
+    assert np.isin(corpus.rows("train", captioned=False), rows).all()
+    assert len(Windows(corpus, "train", 32, uniform=True)) == len(corpus.rows("train"))
+
+
+def test_pairs_have_words_of_their_caption(corpus):
+    data = Pairs(corpus, "test", all_captions=True)
+    assert len(data) == sum(len(corpus.captions_of(i)) for i in corpus.rows("test"))
+    vocabulary = corpus.context.vocabulary
+    for batch in Batches(data, 3, shuffle=False).epoch(0):
+        assert torch.equal(torch.from_numpy(corpus.captions.clip[batch.caption.numpy()]), batch.clip)
+        assert torch.equal(torch.from_numpy(corpus.captions.key[batch.caption.numpy()]), batch.text_key)
+        for i, caption in enumerate(batch.caption.tolist()):
+            count = int(batch.word_count[i])
+            assert batch.words[i, 0] == 1
+            assert batch.words[i, count - 1] == 2
+            assert (batch.words[i, count:] == 0).all()
+            expected = [vocabulary.ids.get(word, 3) for word in corpus.captions.words[caption]]
+            assert batch.words[i, 1 : count - 1].tolist() == expected
+        check_padding(corpus, batch)
+
+
+def test_training_pairs_drop_one_unit_in_a_third_of_the_draws(corpus, tokens):
+    data = Pairs(corpus, "train", tokens)
+    dropped, heads, captions = [], [], set()
+    for epoch in range(40):
+        for batch in Batches(data, 16, seed=2).epoch(epoch):
+            check_padding(corpus, batch)
+            missing = torch.from_numpy(corpus.clips.length[batch.clip.numpy()]) - batch.frames
+            assert set(missing.tolist()) <= {0, 4}
+            assert torch.equal(batch.token_count * 4, batch.frames)
+            first = batch.tokens[:, 0] - 10 * batch.clip
+            for i, count in enumerate(batch.token_count.tolist()):
+                codes = 10 * batch.clip[i] + first[i] + torch.arange(count)
+                assert torch.equal(batch.tokens[i, :count], codes)
+                assert (batch.tokens[i, count:] == 0).all()
+                # Tokens and frames start at the same place.
+                start = 4 * int(first[i])
+                frames = corpus.features(int(batch.clip[i]))[start : start + 4 * count]
+                np.testing.assert_array_equal(batch.motion[i, : 4 * count].numpy(), frames)
+            dropped += (missing > 0).tolist()
+            heads += (first[missing > 0] > 0).tolist()
+            captions |= set(batch.caption.tolist())
+    assert abs(np.mean(dropped) - 1 / 3) < 0.04
+    assert abs(np.mean(heads) - 1 / 2) < 0.06
+    trained = np.isin(corpus.captions.clip, corpus.rows("train"))
+    assert captions == set(np.flatnonzero(trained))
+
+
+def test_evaluation_pairs_are_whole(corpus, tokens):
+    for batch in Batches(Pairs(corpus, "test", tokens), 4, shuffle=False).epoch(0):
+        assert (batch.frames.numpy() == corpus.clips.length[batch.clip.numpy()]).all()
+
+
+@pytest.mark.parametrize("length_sorted", [False, True])
+@pytest.mark.parametrize("kind", ["windows", "pairs"])
+def test_an_interrupted_epoch_continues_exactly(corpus, kind, length_sorted):
+    def batches():
+        data = Windows(corpus, "train", 32) if kind == "windows" else Pairs(corpus, "train")
+        return Batches(data, 5, seed=7, length_sorted=length_sorted)
+
+    whole = list(batches().epoch(3))
+    rest = list(batches().epoch(3, start=4))
+    assert len(whole) == len(batches())
+    assert len(rest) == len(whole) - 4
+    assert all(same(a, b) for a, b in zip(whole[4:], rest, strict=True))
+    assert not same(whole[0], next(batches().epoch(4)))
+
+
+@pytest.mark.parametrize("length_sorted", [False, True])
+def test_an_epoch_has_every_entry_once(corpus, length_sorted):
+    data = Pairs(corpus, "train")
+    drawn = np.concatenate(Batches(data, 7, seed=0, length_sorted=length_sorted).order(0))
+    assert sorted(drawn) == list(range(len(data)))
+
+
+def test_sorting_by_length_pads_less(corpus):
+    def padding(length_sorted):
+        batches = Batches(Pairs(corpus, "train"), 8, seed=0, length_sorted=length_sorted).epoch(0)
+        return np.mean([1 - b.frames.sum() / b.motion[..., 0].numel() for b in batches])
+
+    assert padding(True) < 0.5 * padding(False)
+
+
+def test_ranks_share_the_global_batches(corpus):
+    data = Pairs(corpus, "train")
+    orders = Batches(data, 8, seed=5).order(2)
+    ranks = [list(Batches(data, 4, seed=5, rank=rank, world=2).epoch(2)) for rank in (0, 1)]
+    assert len(ranks[0]) == len(ranks[1]) == len(orders)
+    for whole, a, b in zip(orders, *ranks, strict=True):
+        clips = set(a.clip.tolist()) | set(b.clip.tolist())
+        assert set(data.rows[whole].tolist()) <= clips
+        assert len(a) == len(b)
+
+
+def test_weights_draw_a_root_more_often_and_keep_the_epoch(corpus, monkeypatch):
+    plain = Pairs(corpus, "train")
+    group = corpus.clips.group.copy()
+    group[plain.rows[: len(plain) // 4]] = "rare"
+    monkeypatch.setattr(corpus, "clips", type(corpus.clips)(**vars(corpus.clips) | {"group": group}))
+    data = Pairs(corpus, "train", weights={"rare": 6.0})
+    batches = Batches(data, 8, seed=0)
+    drawn = np.concatenate([np.concatenate(batches.order(epoch)) for epoch in range(100)])
+    assert len(drawn) == 100 * len(data)
+    share = (group[data.rows[drawn]] == "rare").mean()
+    quarter = len(plain) // 4
+    assert abs(share - 6 * quarter / (6 * quarter + len(plain) - quarter)) < 0.03
+    with pytest.raises(InputError, match="nobody"):
+        Pairs(corpus, "train", weights={"nobody": 2.0})
+
+
+def test_drop_last_keeps_the_only_batch(corpus):
+    data = Pairs(corpus, "train")
+    assert len(Batches(data, 10**6, drop_last=True)) == 1
+    assert len(Batches(data, 5, drop_last=True)) == len(data) // 5
+    assert {len(batch) for batch in Batches(data, 5, drop_last=True).epoch(0)} == {5}
+
+
+def test_token_store_round_trip(tmp_path, tokens):
+    tokens.save(tmp_path / "tokens")
+    again = TokenStore.load(tmp_path / "tokens")
+    assert len(again) == len(tokens)
+    for i in range(len(tokens)):
+        np.testing.assert_array_equal(again[i], tokens[i])
+    assert TokenStore.collect([np.array([70_000])]).tokens.dtype == np.int32
+    with pytest.raises(InputError, match=r"tokens\.npy"):
+        TokenStore.load(tmp_path)
+
+
+def test_bad_arguments_say_so(corpus, tokens):
+    for wrong in ({"batch_size": 0}, {"batch_size": 4, "rank": 2, "world": 2}):
+        with pytest.raises(InputError):
+            Batches(Pairs(corpus, "train"), **wrong)
+    with pytest.raises(InputError, match="window"):
+        Windows(corpus, "train", 0)
+    with pytest.raises(InputError, match="tokens"):
+        Pairs(corpus, "train", TokenStore.collect([np.arange(3)]))
+    with pytest.raises(InputError, match="drop_unit"):
+        Pairs(corpus, "train", drop_unit=1.5)

@@ -1,0 +1,134 @@
+"""The released HumanML3D and KIT-ML layout, made here on a small scale."""
+
+import numpy as np
+import pytest
+
+from motionary.corpus import Corpus
+from motionary.corpus.humanml3d import HumanML3DSource
+from motionary.corpus.preprocess import preprocess
+from motionary.errors import InputError
+from motionary.features import codec
+from motionary.motion import Motion, Skeleton
+
+TEXT = "a person walks forward.#a/DET person/NOUN walk/VERB forward/ADV#0.0#0.0\n"
+PART = "someone # stops#someone/PRON stop/VERB#1.0#4.0\n"
+
+
+@pytest.fixture
+def release(tmp_path, motion_of):
+    """Twelve motions; 000003 comes with its mirrored copy, 000005 only as features, 000007 with a timed caption."""
+    root = tmp_path / "HumanML3D"
+    for folder in ("new_joints", "new_joint_vecs", "texts"):
+        (root / folder).mkdir(parents=True)
+    names = [f"{i:06d}" for i in range(12)] + ["M000003"]
+    for i, name in enumerate(names):
+        positions = motion_of(120, i)
+        if name == "000005":
+            skeleton = Skeleton.named("smpl22")
+            features = codec("humanml3d", skeleton).encode(Motion(positions, 20.0, skeleton))
+            np.save(root / "new_joint_vecs" / f"{name}.npy", features)
+        else:
+            np.save(root / "new_joints" / f"{name}.npy", positions)
+        (root / "texts" / f"{name}.txt").write_text(TEXT + (PART if name == "000007" else ""))
+    (root / "train.txt").write_text("\n".join([*names[:9], "M000003"]))
+    (root / "val.txt").write_text("\n".join(names[9:10]))
+    (root / "test.txt").write_text("\n".join(names[10:12]) + "\n")
+    return root
+
+
+def build(root, out, **changes):
+    settings = {"source": "humanml3d", "roots": [str(root)], "split": "given", "workers": 1} | changes
+    report = preprocess(settings, out, progress=False)
+    return report, Corpus.open(out)
+
+
+def test_the_release_keeps_its_splits_mirrors_and_segments(release, tmp_path):
+    report, corpus = build(release, tmp_path / "out")
+    assert report["problem_count"] == 0
+    assert report["read"] == 13
+    clips = corpus.clips
+    by_split = {
+        split: {name.split("/")[1][-6:] for name in clips.origin[clips.split == split]} for split in ("val", "test")
+    }
+    assert by_split == {"val": {"000009"}, "test": {"000010", "000011"}}
+    twins = clips.id[clips.origin == "HumanML3D/000003"].tolist()
+    assert sorted(twins) == ["HumanML3D/000003", "HumanML3D/M000003"]
+    assert clips.mirrored[clips.id == "HumanML3D/M000003"].all()
+    # Every other training motion gets the mirrored copy that the release does not bring.
+    assert sorted(clips.id[clips.origin == "HumanML3D/000004"]) == ["HumanML3D/000004", "HumanML3D/000004@mirror"]
+    timed = (clips.origin == "HumanML3D/000007") & ~clips.mirrored
+    assert sorted(zip(clips.start[timed], clips.length[timed], strict=True)) == [(0.0, 116), (1.0, 60)]
+    assert "someone # stops" in set(corpus.captions.text)
+
+
+def test_tagged_words_of_the_release_are_the_normalized_caption(release, tmp_path):
+    (release / "texts" / "000000.txt").write_text("a man ambles#a/DET man/NOUN strollish/VERB#0.0#0.0\n")
+    _, corpus = build(release, tmp_path / "out", mirror=False)
+    words = dict(zip(corpus.captions.text, corpus.captions.words, strict=True))
+    assert words["a man ambles"] == ("a", "man", "strollish")
+
+
+def test_features_stand_in_for_absent_joints(release, tmp_path, motion_of):
+    _, corpus = build(release, tmp_path / "out")
+    row = int(np.flatnonzero(corpus.clips.id == "HumanML3D/000005")[0])
+    assert corpus.clips.length[row] == 116
+    expected = motion_of(120, 5)
+    height = corpus.motion(row).positions[:, 0, 1].mean()
+    assert abs(height - expected[:, 0, 1].mean()) < 0.1
+
+
+def test_kit_ml_has_21_joints_in_millimetres_at_its_own_rate(tmp_path):
+    root, skeleton = tmp_path / "KIT-ML", Skeleton.named("kit21")
+    for folder in ("new_joints", "texts"):
+        (root / folder).mkdir(parents=True)
+    rest = np.zeros((21, 3))
+    for joint, parent in enumerate(skeleton.parents):
+        rest[joint] = skeleton.offsets[joint] + (rest[parent] if parent >= 0 else 0)
+    for i in range(10):
+        sway = 0.05 * np.sin(np.arange(50)[:, None, None] * 0.3 + np.arange(21)[:, None] + i)
+        np.save(root / "new_joints" / f"{i:05d}.npy", 1000 * (rest + sway * (np.arange(21) > 0)[:, None]))
+        (root / "texts" / f"{i:05d}.txt").write_text(TEXT)
+    (root / "train.txt").write_text("\n".join(f"{i:05d}" for i in range(8)))
+    (root / "test.txt").write_text("00008\n00009\n")
+    report, corpus = build(root, tmp_path / "out", fps=12.5, skeleton="kit21")
+    assert report["problem_count"] == 0
+    assert corpus.context.dim == 251
+    assert set(corpus.clips.length) == {48}
+    tall = np.ptp(corpus.motion(0).positions[..., 1])
+    assert 1.0 < tall < 2.2
+
+
+def test_bad_lines_are_problems(release):
+    (release / "texts" / "000000.txt").write_text("no hashes\na#a/DET#x#y\n#a/DET#0.0#0.0\n" + TEXT)
+    (release / "texts" / "000001.txt").unlink()
+    (release / "new_joints" / "000002.npy").unlink()
+    with (release / "val.txt").open("a") as file:
+        file.write("\n000000\n../secret\n")
+    clips, problems = HumanML3DSource(release, "HumanML3D").clips()
+    assert len(clips) == 12
+    rules = [problem.rule for problem in problems]
+    for part in ("duplicate", "bare name", "caption#", "seconds", "non-empty", "caption file", "absent"):
+        assert sum(part in rule for rule in rules) == 1
+    assert len(problems) == 7
+
+
+def test_a_folder_without_split_files(tmp_path):
+    (tmp_path / "new_joints").mkdir()
+    with pytest.raises(InputError, match=r"train\.txt"):
+        HumanML3DSource(tmp_path, "x").clips()
+
+
+@pytest.mark.real
+def test_the_released_sample_gives_its_released_features(shared_data, tmp_path):
+    """Joints and features of the same released motion become the same windows."""
+    made = []
+    for name in ("new_joints", "new_joint_vecs"):
+        root = tmp_path / name / "HumanML3D"
+        (root / "texts").mkdir(parents=True)
+        (root / name).symlink_to(shared_data / "humanml3d_sample" / name)
+        (root / "texts" / "012314.txt").write_text(TEXT)
+        (root / "train.txt").write_text("012314\n")
+        made.append(build(root, tmp_path / f"{name}.out", mirror=False)[1])
+    joints, features = (corpus.frames[: corpus.clips.length[0]] for corpus in made)
+    count = min(len(joints), len(features)) - 80
+    np.testing.assert_allclose(joints[:count], features[:count], atol=1e-2)
