@@ -54,6 +54,7 @@ class Clip:
         split: "train", "val" or "test" where the source says so, else "".
         origin: id of the clip that this one is a mirrored copy of, else its own.
         mirrored: the source's own mirrored copy.
+        attributes: what is true of the motion as JSON, where the source knows (the demo grammar), else "".
         mirrors: whether preprocess may add a mirrored copy (False where the source brings its own).
     """
 
@@ -66,6 +67,7 @@ class Clip:
     style: str = ""
     action: str = ""
     captions: tuple[Caption, ...] = ()
+    attributes: str = ""
     split: str = ""
     origin: str = ""
     mirrored: bool = False

@@ -153,6 +153,7 @@ class _Build:
                 "start": window.start,
                 "end": window.end,
                 "group": clip.group,
+                "attributes": "" if mirrored else clip.attributes,
             }
         )
 

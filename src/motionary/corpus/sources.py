@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -77,7 +78,9 @@ class DemoMotion:
 
         motion, labels = demo_clip(self.index, self.seed, self.fps)
         texts = tuple(Caption(text, source="grammar") for text in labels["captions"])
-        return motion, replace(clip, style=labels["style"], action=labels["action"], captions=texts)
+        truth = json.dumps(labels["attributes"], sort_keys=True)
+        labelled = replace(clip, style=labels["style"], action=labels["action"], captions=texts, attributes=truth)
+        return motion, labelled
 
 
 class FolderSource:

@@ -30,6 +30,7 @@ CLIP_SCHEMA = pa.schema(
         ("start", pa.float64()),
         ("end", pa.float64()),
         ("group", pa.string()),
+        ("attributes", pa.string()),
     ]
 )
 CAPTION_SCHEMA = pa.schema(
@@ -48,7 +49,8 @@ CAPTION_SCHEMA = pa.schema(
 @dataclass(frozen=True, eq=False)
 class Clips:
     """One row per window. `offset` and `length` count feature frames; `start` and `end` are seconds of the source
-    clip `origin`; `group` names the root it came from; unknown subject, style and action are ""."""
+    clip `origin`; `group` names the root it came from; unknown subject, style and action are "". `attributes` is what
+    the demo grammar knows to be true of the motion, as JSON; "" elsewhere and for mirrored copies."""
 
     id: np.ndarray
     offset: np.ndarray
@@ -62,6 +64,7 @@ class Clips:
     start: np.ndarray
     end: np.ndarray
     group: np.ndarray
+    attributes: np.ndarray
 
     def __len__(self) -> int:
         return len(self.id)
