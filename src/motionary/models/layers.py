@@ -25,10 +25,11 @@ class Normalizer(nn.Module):
 
     def __init__(self, mean: np.ndarray, std: np.ndarray):
         super().__init__()
-        self.register_buffer("mean", torch.as_tensor(np.asarray(mean), dtype=torch.float32).clone())
-        self.register_buffer("std", torch.as_tensor(np.asarray(std), dtype=torch.float32).clone())
-        if self.mean.shape != self.std.shape or not bool((self.std > 0).all()):
-            raise InputError("std", tuple(self.std.shape), "must have the shape of mean and be positive")
+        mean, std = np.asarray(mean, dtype=np.float32), np.asarray(std, dtype=np.float32)
+        if mean.shape != std.shape or not (std > 0).all():
+            raise InputError("std", std.shape, "must have the shape of mean and be positive")
+        self.register_buffer("mean", torch.tensor(mean))
+        self.register_buffer("std", torch.tensor(std))
 
     def forward(self, raw: Tensor) -> Tensor:
         """(..., D) raw features -> normalized."""
