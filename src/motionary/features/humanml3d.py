@@ -81,9 +81,9 @@ class HumanML3D:
         features[:, at["root_angular"]] = wrap(np.diff(half), np.pi)[:, None]
         features[:, at["root_linear"]] = rotate_y(steps[:, 0], 2 * half[1:])[:, [0, 2]]
         features[:, at["root_height"]] = positions[:-1, 0, 1:2]
-        features[:, at["positions"]] = local[:-1, 1:].reshape(len(steps), -1)
-        features[:, at["rotations"]] = self._rotations(positions[:-1], half[:-1]).reshape(len(steps), -1)
-        features[:, at["velocities"]] = rotate_y(steps, turn[:-1]).reshape(len(steps), -1)
+        features[:, at["positions"]] = _rows(local[:-1, 1:])
+        features[:, at["rotations"]] = _rows(self._rotations(positions[:-1], half[:-1]))
+        features[:, at["velocities"]] = _rows(rotate_y(steps, turn[:-1]))
         features[:, at["contacts"]] = self._contacts(motion)
         return features
 
@@ -202,6 +202,11 @@ def _recover_root(features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     root = np.cumsum(rotate_y(steps, -2 * half), axis=-2)
     root[..., 1] = features[..., 3]
     return half, root
+
+
+def _rows(values: np.ndarray) -> np.ndarray:
+    """(T, n, m) as (T, n m), for T = 0 too."""
+    return values.reshape(len(values), values.shape[1] * values.shape[2])
 
 
 def _swapped(sides: tuple[int, int]) -> tuple[int, int]:

@@ -1,10 +1,10 @@
-"""Which joint of which rig plays which role: names are data (``rigs.json``), roles are the SMPL joint names."""
+"""What the joints' names tell: roles (names are data, ``rigs.json``; roles are the SMPL joint names), sides, chains."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -66,6 +66,45 @@ def read_mapping(path: Path | str | Mapping[str, str], joints: tuple[str, ...]) 
         if joint not in joints:
             raise InputError(what, joint, "no joint of this name in the skeleton")
     return {role: joints.index(joint) for role, joint in mapping.items()}
+
+
+def chains_of(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+    """Split the tree into chains: each goes on through the child with the longest way to a leaf."""
+    children: list[list[int]] = [[] for _ in parents]
+    depth = [0] * len(parents)
+    for joint in range(len(parents) - 1, 0, -1):
+        children[parents[joint]].append(joint)
+        depth[parents[joint]] = max(depth[parents[joint]], depth[joint] + 1)
+    chains = []
+    starts = [(0, child) for child in reversed(children[0])]
+    while starts:
+        begin, joint = starts.pop(0)
+        chain = [begin, joint]
+        while children[joint]:
+            onward = max(children[joint], key=lambda child: depth[child])
+            starts += [(joint, child) for child in reversed(children[joint]) if child != onward]
+            chain.append(onward)
+            joint = onward
+        chains.append(tuple(chain))
+    return tuple(chains) or ((0,),)
+
+
+def pairs_of(joints: Sequence[str], roles: Mapping[str, int]) -> tuple[tuple[int, int], ...]:
+    """Pairs by role, and by name for what has no role (fingers, twist bones)."""
+    pairs = {roles[r]: roles["right" + r[4:]] for r in roles if r.startswith("left") and "right" + r[4:] in roles}
+    index = {name: i for i, name in enumerate(joints)}
+    swaps = (("Left", "Right"), ("left", "right"), ("_L_", "_R_"), ("L", "R"), ("l", "r"))
+    for left, i in index.items():
+        for a, b in swaps:
+            spots = (
+                b + left[len(a) :] if left.startswith(a) else left,
+                left[: -len(a)] + b if left.endswith(a) else left,
+            )
+            spots = (*spots, left.replace(a, b, 1)) if len(a) > 1 else spots
+            right = next((s for s in spots if s != left and s in index), None)
+            if right is not None and i not in pairs and index[right] not in pairs.values():
+                pairs[i] = index[right]
+    return tuple(sorted(pairs.items()))
 
 
 @lru_cache

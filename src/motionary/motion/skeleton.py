@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.motion.rigs import find_roles
+from motionary.motion.rigs import chains_of, find_roles, pairs_of
 
 NAMED = ("smpl22", "kit21")
 
@@ -101,8 +101,8 @@ class Skeleton:
             joints=tuple(joints),
             parents=tuple(int(p) for p in parents),
             offsets=offsets,
-            chains=_chains(parents),
-            pairs=_pairs(joints, roles),
+            chains=chains_of(parents),
+            pairs=pairs_of(joints, roles),
             # A rig without toes stands on its ankles.
             feet=(left, at("left_foot", left), right, at("right_foot", right)),
             hips=(at("left_hip"), at("right_hip")),
@@ -216,42 +216,3 @@ def _check(skeleton: Skeleton) -> None:
     groups = (*skeleton.chains, *skeleton.pairs, skeleton.feet, skeleton.hips, skeleton.shoulders)
     if any(not 0 <= j < count for group in groups for j in group):
         raise InputError(what, groups, f"joint indices from 0 to {count - 1}")
-
-
-def _chains(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
-    """Split the tree into chains: each goes on through the child with the longest way to a leaf."""
-    children: list[list[int]] = [[] for _ in parents]
-    depth = [0] * len(parents)
-    for joint in range(len(parents) - 1, 0, -1):
-        children[parents[joint]].append(joint)
-        depth[parents[joint]] = max(depth[parents[joint]], depth[joint] + 1)
-    chains = []
-    starts = [(0, child) for child in reversed(children[0])]
-    while starts:
-        begin, joint = starts.pop(0)
-        chain = [begin, joint]
-        while children[joint]:
-            onward = max(children[joint], key=lambda child: depth[child])
-            starts += [(joint, child) for child in reversed(children[joint]) if child != onward]
-            chain.append(onward)
-            joint = onward
-        chains.append(tuple(chain))
-    return tuple(chains) or ((0,),)
-
-
-def _pairs(joints: Sequence[str], roles: Mapping[str, int]) -> tuple[tuple[int, int], ...]:
-    """Pairs by role, and by name for what has no role (fingers, twist bones)."""
-    pairs = {roles[r]: roles["right" + r[4:]] for r in roles if r.startswith("left") and "right" + r[4:] in roles}
-    index = {name: i for i, name in enumerate(joints)}
-    swaps = (("Left", "Right"), ("left", "right"), ("_L_", "_R_"), ("L", "R"), ("l", "r"))
-    for left, i in index.items():
-        for a, b in swaps:
-            spots = (
-                b + left[len(a) :] if left.startswith(a) else left,
-                left[: -len(a)] + b if left.endswith(a) else left,
-            )
-            spots = (*spots, left.replace(a, b, 1)) if len(a) > 1 else spots
-            right = next((s for s in spots if s != left and s in index), None)
-            if right is not None and i not in pairs and index[right] not in pairs.values():
-                pairs[i] = index[right]
-    return tuple(sorted(pairs.items()))
