@@ -1,0 +1,140 @@
+"""Motions from sentences with a trained token model: sampling, guidance, decoding by the tokenizer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from motionary.decoding import Decoder, Sampling, sample, uniform_noise
+from motionary.errors import InputError
+from motionary.language import Sentence
+
+if TYPE_CHECKING:
+    from motionary.corpus.context import Context
+    from motionary.models.text2token import Text2Token
+    from motionary.models.tokenizer import Tokenizer
+
+
+def blank(words: Tensor, tags: Tensor | None, count: Tensor, rows: Tensor) -> tuple[Tensor, Tensor | None, Tensor]:
+    """Replace the sentences of `rows` (B,) bool by the empty one: start and end only."""
+
+    def shorten(values: Tensor) -> Tensor:
+        empty = torch.zeros_like(values)
+        empty[:, :1], empty[:, 1:2] = values[:, :1], values.gather(1, count[:, None] - 1)
+        return torch.where(rows[:, None], empty, values)
+
+    return shorten(words), None if tags is None else shorten(tags), torch.where(rows, 2, count)
+
+
+class Guided:
+    """A decoder that moves the logits away from those without text: none + scale (text - none)."""
+
+    def __init__(self, decoder: Decoder, scale: float):
+        self.decoder, self.scale = decoder, scale
+
+    def step(self, state: tuple[Any, Any], tokens: Tensor) -> tuple[Tensor, tuple[Any, Any]]:
+        """Both states advance by the same token."""
+        with_text, first = self.decoder.step(state[0], tokens)
+        without, second = self.decoder.step(state[1], tokens)
+        with_text, without = with_text.log_softmax(-1), without.log_softmax(-1)
+        return without + self.scale * (with_text - without), (first, second)
+
+    def reorder(self, state: tuple[Any, Any], index: Tensor) -> tuple[Any, Any]:
+        """Both states alike."""
+        return self.decoder.reorder(state[0], index), self.decoder.reorder(state[1], index)
+
+
+class Generator:
+    """Generates motions with a trained :class:`Text2Token`. Results never depend on the other texts of the call."""
+
+    def __init__(self, model: Text2Token, tokenizer: Tokenizer, chunk: int = 128):
+        self.model, self.tokenizer, self.chunk = model.eval(), tokenizer, chunk
+        self.context = model.context
+
+    @torch.no_grad()
+    def generate(
+        self,
+        sentences: Sequence[Sentence],
+        seeds: Sequence[int],
+        frames: Sequence[int] | None = None,
+        **options: float,
+    ) -> list[np.ndarray]:
+        """A motion for each sentence.
+
+        Args:
+            sentences: normalized texts.
+            seeds: one per sentence; equal sentence, seed and options give equal motion.
+            frames: lengths to hold; otherwise the end token decides.
+            options: temperature, top_k, top_p, guidance, greedy.
+
+        Returns:
+            raw features (T, D) float32 of each motion, never empty.
+        """
+        results: list[np.ndarray] = []
+        wanted = None if frames is None else [int(f) for f in frames]
+        if wanted is not None and (len(wanted) != len(sentences) or min(wanted, default=1) < 1):
+            raise InputError("frames", wanted, "must be one positive number per sentence")
+        for first in range(0, len(sentences), self.chunk):
+            part = slice(first, first + self.chunk)
+            lengths = None if wanted is None else wanted[part]
+            results += self._chunk(sentences[part], seeds[part], lengths, options)
+        return results
+
+    def tokens(
+        self,
+        sentences: Sequence[Sentence],
+        seeds: Sequence[int],
+        lengths: Sequence[int] | None = None,
+        temperature: float | None = None,
+        top_k: int | None = None,
+        top_p: float | None = None,
+        guidance: float | None = None,
+        greedy: bool = False,
+    ) -> tuple[Tensor, Tensor]:
+        """Motion tokens (B, S), padded with 0, and counts (B,); `lengths` (in tokens) forces the counts."""
+        model, config = self.model, self.model.config
+        device = next(model.parameters()).device
+        if len(seeds) != len(sentences):
+            raise InputError("seeds", len(seeds), f"must be one per sentence, {len(sentences)}")
+        chosen = Sampling(
+            config.temperature if temperature is None else temperature,
+            config.top_k if top_k is None else top_k,
+            config.top_p if top_p is None else top_p,
+        )
+        steps = config.most_tokens if lengths is None else max(lengths)
+        guidance = config.guidance if guidance is None else guidance
+        if guidance != 1 and not config.text_dropout:
+            raise InputError("guidance", guidance, "must be 1: this model was trained without text_dropout")
+        words = _encode(self.context, sentences, device)
+        decoder: Decoder = model.net
+        state: Any = model.net.start(*words)
+        if guidance != 1:
+            everything = torch.ones(len(sentences), dtype=torch.bool, device=device)
+            decoder, state = Guided(model.net, guidance), (state, model.net.start(*blank(*words, everything)))
+        start = torch.full((len(sentences),), model.start_token, device=device)
+        forced = None if lengths is None else torch.tensor(lengths, device=device)
+        tokens, count = sample(
+            decoder, state, start, model.end_token, None if greedy else uniform_noise(seeds, steps), steps, chosen,
+            (model.start_token, model.pad_token), forced,
+        )  # fmt: skip
+        return tokens[:, : int(count.max())].masked_fill(tokens[:, : int(count.max())] == model.end_token, 0), count
+
+    def _chunk(self, sentences, seeds, frames: list[int] | None, options: dict[str, Any]) -> list[np.ndarray]:
+        unit = self.context.unit
+        lengths = None if frames is None else [-(-f // unit) for f in frames]
+        tokens, count = self.tokens(sentences, seeds, lengths, **options)
+        motion = self.tokenizer.decode(tokens, count).float().cpu().numpy()
+        ends = (count * unit).tolist() if frames is None else frames
+        return [row[:end].copy() for row, end in zip(motion, ends, strict=True)]
+
+
+def _encode(context: Context, sentences: Sequence[Sentence], device) -> tuple[Tensor, Tensor, Tensor]:
+    """Word ids and tags (B, N) and counts (B,), typos corrected."""
+    vocabulary = context.vocabulary
+    arrays = vocabulary.encode_batch([vocabulary.correct(sentence) for sentence in sentences])
+    ids, tags, count = (torch.from_numpy(array).to(device) for array in arrays)
+    return ids, tags, count

@@ -1,0 +1,189 @@
+"""Motion to text: Eq. 4, cached decoding, independence of padding and batch, the ablation without tokens."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+import torch.nn.functional as F
+
+from motionary.corpus.batches import Batch
+from motionary.corpus.context import Context
+from motionary.decoding import beam_search, sample, uniform_noise
+from motionary.errors import InputError
+from motionary.language import END, PAD, START
+from motionary.models.io import load_model, save_model
+from motionary.models.layers import seeded
+from motionary.models.motion2text import Captioner, Motion2Text, Motion2TextConfig
+
+CODES, DIM = 12, 263
+
+
+def model(context: Context, **settings) -> Motion2Text:
+    small = {"width": 32, "layers": 2, "feed_forward": 64, "heads": 4, "dropout": 0.0, "most_words": 8}
+    with seeded(0):
+        return Motion2Text(Motion2TextConfig(CODES, **{**small, **settings}), context).eval()
+
+
+def a_batch(context: Context, items: int = 5, seed: int = 0, motion: bool = False) -> Batch:
+    rng = torch.Generator().manual_seed(seed)
+    count = torch.randint(2, 9, (items,), generator=rng)
+    tokens = torch.randint(0, CODES, (items, 9), generator=rng) * (torch.arange(9) < count[:, None])
+    lengths = torch.randint(3, 8, (items,), generator=rng)
+    words = torch.randint(4, len(context.vocabulary), (items, 8), generator=rng)
+    words[:, 0] = START
+    words[torch.arange(items), lengths - 1] = END
+    words = words.masked_fill(torch.arange(8) >= lengths[:, None], PAD)
+    batch = Batch(torch.arange(items), words=words, word_count=lengths, tokens=tokens, token_count=count)
+    if motion:
+        batch.frames = count * 4
+        valid = torch.arange(36) < batch.frames[:, None]
+        batch.motion = torch.randn(items, 36, DIM, generator=rng) * valid[..., None]
+    return batch
+
+
+def one(batch: Batch, row: int) -> Batch:
+    """A row alone, without its padding."""
+    n, w = int(batch.token_count[row]), int(batch.word_count[row])
+    alone = Batch(
+        batch.clip[row : row + 1],
+        words=batch.words[row : row + 1, :w],
+        word_count=batch.word_count[row : row + 1],
+        tokens=batch.tokens[row : row + 1, :n],
+        token_count=batch.token_count[row : row + 1],
+    )
+    if batch.motion is not None:
+        alone.motion, alone.frames = batch.motion[row : row + 1, : 4 * n], batch.frames[row : row + 1]
+    return alone
+
+
+@pytest.mark.parametrize("tokens", [True, False])
+def test_the_loss_is_the_mean_negative_log_likelihood_and_ignores_padding(context, tokens):
+    net, batch = model(context, tokens=tokens), a_batch(context, motion=True)
+    total, words = 0.0, 0
+    for row in range(len(batch)):
+        alone = one(batch, row)
+        source, mask = net.source_of(alone)
+        logp = torch.log_softmax(net.logits(source, mask, alone.words[:, :-1]), -1)
+        total -= logp.gather(2, alone.words[:, 1:, None]).sum().item()
+        words += alone.words.shape[1] - 1
+    loss, logs = net.loss(batch, 0.0, torch.Generator())
+    assert loss.item() == pytest.approx(total / words, rel=1e-5)
+    assert logs["caption_nll"].item() == pytest.approx(loss.item())
+    assert net.validate(batch)["loss"].item() == pytest.approx(loss.item())
+
+
+def test_the_source_has_a_start_an_end_and_padding(context):
+    ids, mask = model(context).token_source(torch.tensor([[3, 4, 0], [5, 6, 7]]), torch.tensor([2, 3]))
+    assert ids.tolist() == [[CODES, 3, 4, CODES + 1, CODES + 2], [CODES, 5, 6, 7, CODES + 1]]
+    assert mask.tolist() == [[True] * 4 + [False], [True] * 5]
+
+
+def test_one_hot_tokens_read_as_their_ids_and_carry_gradients(context):
+    net, batch = model(context), a_batch(context)
+    ids, mask = net.token_source(batch.tokens, batch.token_count)
+    soft = F.one_hot(ids, CODES + 3).float().requires_grad_()
+    hard, _ = net.nll(net.embed(ids), mask, batch.words)
+    relaxed, _ = net.nll(net.embed(soft), mask, batch.words)
+    assert torch.allclose(hard, relaxed, atol=1e-5)
+    relaxed.sum().backward()
+    assert soft.grad[mask].abs().sum() > 0
+    assert soft.grad[~mask].abs().max() == 0
+
+
+def test_words_depend_on_the_past_only_and_on_the_whole_source(context):
+    net, batch = model(context), a_batch(context)
+    source, mask = net.source_of(batch)
+    before = net.logits(source, mask, batch.words)
+    changed = batch.words.clone()
+    changed[:, 2:] = 5
+    assert torch.allclose(before[:, :2], net.logits(source, mask, changed)[:, :2], atol=1e-6)
+    assert not torch.allclose(before[:, 2:], net.logits(source, mask, changed)[:, 2:], atol=1e-3)
+
+
+class WithoutCache:
+    """The same model, run over the whole prefix at every step."""
+
+    def __init__(self, net: Motion2Text):
+        self.net = net
+
+    def step(self, state, tokens):
+        source, mask, prefix = state
+        prefix = torch.cat((prefix, tokens[:, None]), dim=1)
+        return self.net.logits(source, mask, prefix)[:, -1], (source, mask, prefix)
+
+    def reorder(self, state, index):
+        return tuple(part[index] for part in state)
+
+
+@torch.no_grad()
+def test_decoding_with_a_cache_equals_decoding_without(context):
+    net, batch = model(context), a_batch(context)
+    source, mask = net.source_of(batch)
+    start, slow = torch.full((len(batch),), START), WithoutCache(net)
+    first = (source, mask, torch.zeros(len(batch), 0, dtype=torch.long))
+    for width in (1, 3):
+        fast = beam_search(net, net.start(source, mask), start, END, width, width, 8, banned=(PAD, START))
+        plain = beam_search(slow, first, start, END, width, width, 8, banned=(PAD, START))
+        for a, b in zip(fast, plain, strict=True):
+            assert [h.tokens for h in a] == [h.tokens for h in b]
+            assert [h.score for h in a] == pytest.approx([h.score for h in b], abs=1e-5)
+    noise = uniform_noise(range(len(batch)), 8)
+    drawn = [sample(d, s, start, END, noise, 8) for d, s in ((net, net.start(source, mask)), (slow, first))]
+    assert torch.equal(drawn[0][0], drawn[1][0])
+
+
+def captioner(context: Context, **settings) -> Captioner:
+    net = model(context, **settings)
+    weights = torch.randn(DIM, generator=torch.Generator().manual_seed(1))
+
+    def encode(raw, frames):  # a stand-in tokenizer: a code per unit of four frames
+        codes = (raw.unflatten(1, (-1, 4)).mean(2) @ weights).abs().mul(3).long() % CODES
+        return codes * (torch.arange(codes.shape[1]) < (frames // 4)[:, None])
+
+    tokenizer = SimpleNamespace(encode=encode) if net.config.tokens else None
+    return Captioner(net, tokenizer, chunk=3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("tokens", [True, False])
+def test_captions_do_not_depend_on_the_batch(context, tokens):
+    rng = np.random.default_rng(0)
+    motions = [rng.normal(size=(n, DIM)).astype(np.float32) for n in (40, 3, 17, 80, 64)]
+    made = captioner(context, tokens=tokens)
+    searched = made.caption(motions, beams=3, n=2)
+    sampled = made.caption(motions, n=3, seeds=[4, 5, 6, 7, 8], temperature=1.0)
+    assert [len(c) for c in searched] == [2] * 5
+    assert [len(c) for c in sampled] == [3] * 5
+    assert all(caption for captions in searched + sampled for caption in captions)
+    assert len({tuple(c) for c in sampled}) == 5
+    for i, motion in enumerate(motions):
+        assert made.caption([motion], beams=3, n=2)[0] == searched[i]
+        assert made.caption([motion], n=3, seeds=[4 + i], temperature=1.0)[0] == sampled[i]
+    assert made.caption([]) == []
+
+
+def test_bad_motions_are_named(context):
+    with pytest.raises(InputError, match=r"features\[1\]"):
+        captioner(context).caption([np.zeros((8, DIM), np.float32), np.zeros((8, 7), np.float32)])
+    with pytest.raises(InputError, match="heads"):
+        model(context, width=33)
+
+
+@pytest.mark.parametrize("tokens", [True, False])
+def test_one_batch_is_learned_by_heart(context, tokens, tmp_path):
+    net, batch = model(context, tokens=tokens), a_batch(context, items=6, motion=True)
+    optimizer = torch.optim.Adam(net.parameters(), 5e-3)
+    for _ in range(80):
+        loss, _ = net.loss(batch, 0.0, torch.Generator())
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    assert loss.item() < 0.02
+    save_model(tmp_path / "motion2text", "motion2text", net, context)
+    again = load_model(tmp_path / "motion2text")
+    source, mask = again.source_of(batch)
+    found = beam_search(again, again.start(source, mask), torch.full((6,), START), END, 2, 1, 8)
+    for row, hypotheses in enumerate(found):
+        assert hypotheses[0].tokens == batch.words[row, 1 : batch.word_count[row] - 1].tolist()
