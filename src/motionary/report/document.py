@@ -1,0 +1,125 @@
+"""The report as one self-contained HTML page."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from motionary.report import tables
+from motionary.report.corpus import corpus_tables
+from motionary.report.players import Example, players_html
+from motionary.report.results import Results
+from motionary.report.table import NONE, Table
+
+LEAD = (
+    "motionary is a two-way dictionary between human motion and language: it turns a sentence into 3D motion, and a "
+    "motion into a sentence. This page shows what its systems learned from one corpus of captioned motion, judged on "
+    "test clips that no system saw in training. Each number stands beside that of real motions or captions, so that "
+    "you can tell how far there is to go."
+)
+TERMS = {
+    "R@k": "share of motions whose own caption is among the k nearest of a pool of captions; higher is better.",
+    "FID": "distance between the distributions of generated and real motions in the evaluator's space; lower is "
+    "better. Two halves of the real motions have a distance too: nothing can be told apart below it.",
+    "MM distance": "mean distance between a motion and its caption in the evaluator's space; lower is better.",
+    "Diversity": "mean distance between two motions of different captions; near the real motions' is better.",
+    "Multimodality": "mean distance between two motions generated for one caption.",
+    "Oracle": "share of motions that do what their text claims of side, direction, speed or action, read off the "
+    "joints by geometry, without any trained model.",
+    "Foot skating": "mean speed over the ground of feet that stand; lower is better.",
+    "BLEU, ROUGE-L, CIDEr, BERTScore": "agreement of a generated caption with the references; higher is better.",
+}
+PICTURES = {
+    "contexts": "The most frequent motion tokens, each decoded alone to its four frames, light to dark. A quarter "
+    "view: forward runs to the right. In the title: the token and its share of all tokens.",
+}
+
+
+def render(
+    results: Results,
+    corpus: Mapping[str, Any] | None = None,
+    examples: Sequence[Example] = (),
+    problems: Sequence[str] = (),
+) -> str:
+    """The page.
+
+    Args:
+        results: of every stage.
+        corpus: the preprocess stage's report.
+        examples: captions with real and generated motions.
+        problems: one line on each system that is not shown.
+    """
+    sections = [
+        ("Results", _results(results)),
+        ("Examples", players_html(examples) + "".join(f"<p class='note'>Not shown: {escape(p)}</p>" for p in problems)),
+        ("Captions", _captions(results)),
+        ("Parts of the test split", _tables(tables.parts_tables(results))),
+        ("Prompts", _tables([tables.prompts(results)])),
+        ("Training", _tables([tables.training(results)]) + _curves(results)),
+        ("Motion tokens", _pictures(results)),
+        ("Corpus", "".join(map(_corpus_table, corpus_tables(corpus))) if corpus else ""),
+        ("How to read the numbers", _terms()),
+    ]
+    shown = [(title, body) for title, body in sections if body]
+    links = "".join(f"<a href='#{_anchor(title)}'>{escape(title)}</a>" for title, _ in shown)
+    body = "\n".join(f"<h2 id='{_anchor(title)}'>{escape(title)}</h2>\n{text}" for title, text in shown)
+    template = Template(files("motionary.report").joinpath("page.html").read_text(encoding="utf-8"))
+    evaluators = escape(", ".join(results.evaluators) or "none yet")
+    return template.substitute(lead=escape(LEAD), links=links, body=body, evaluators=evaluators)
+
+
+def _results(results: Results) -> str:
+    makers = (tables.text_to_motion, tables.motion_to_text, tables.reconstruction, tables.nearest_training)
+    body = _tables([make(results) for make in makers])
+    if body:
+        return body
+    return "<p>No system has been evaluated yet: run <code>dvc repro</code>.</p>"
+
+
+def _tables(found: Sequence[Table | None]) -> str:
+    return "".join(table.html() for table in found if table is not None)
+
+
+def _corpus_table(table: Table) -> str:
+    if table.title != "Problems":
+        return table.html()
+    return f"<details class='wide'><summary>Problems found in the sources</summary>{table.html()}</details>"
+
+
+def _captions(results: Results) -> str:
+    found = []
+    for name, report in results.having("language").items():
+        rows = [[e["caption"] or NONE, " / ".join(e["references"])] for e in report.get("examples", ())]
+        if rows:
+            found.append(f"<div class='wide'>{Table(name, ['generated', 'references'], rows).html()}</div>")
+    return "".join(found)
+
+
+def _curves(results: Results) -> str:
+    curves = [(n, p) for n, paths in results.figures.items() for p in paths if p.stem.endswith("curves")]
+    return "".join(_picture(path, f"{name}: {path.stem.replace('_', ' ')}") for name, path in curves)
+
+
+def _pictures(results: Results) -> str:
+    others = [(n, p) for n, paths in results.figures.items() for p in paths if not p.stem.endswith("curves")]
+    return "".join(_picture(path, f"{name}: {path.stem}", PICTURES.get(path.stem, "")) for name, path in others)
+
+
+def _picture(path: Path, title: str, note: str = "") -> str:
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    text = f"<p class='note'>{escape(note)}</p>" if note else ""
+    alt = escape(title, quote=True)
+    return f"<figure><h3>{escape(title)}</h3>{text}<img alt='{alt}' src='data:image/png;base64,{data}'></figure>\n"
+
+
+def _terms() -> str:
+    return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in TERMS.items()) + "</dl>"
+
+
+def _anchor(title: str) -> str:
+    return title.lower().replace(" ", "-")

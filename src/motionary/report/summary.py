@@ -1,0 +1,61 @@
+"""Results in a terminal: ``python -m motionary.report.summary``; with ``markdown``, the tables of the README."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from motionary.errors import InputError
+from motionary.report import tables
+from motionary.report.results import Results
+from motionary.report.table import NONE, Table
+
+
+def main_tables(results: Results) -> list[Table]:
+    """The tables that a first look needs."""
+    makers = (tables.text_to_motion, tables.motion_to_text, tables.reconstruction)
+    return [table for make in makers if (table := make(results)) is not None]
+
+
+def terminal(reports: Path) -> str:
+    """A short aligned table, and where the page lies."""
+    results = Results.read(reports)
+    page = reports / "index.html"
+    found = main_tables(results)
+    blocks = [_without_intervals(table).text() for table in found] or [f"no evaluation in {reports}: run `dvc repro`\n"]
+    if page.exists():
+        blocks.append(f"The whole report, with players: {page}\n")
+    return "\n".join(blocks)
+
+
+def markdown(reports: Path) -> str:
+    """All result tables as Markdown."""
+    results = Results.read(reports)
+    extra = [tables.nearest_training(results), *tables.parts_tables(results)]
+    return "\n".join(table.markdown() for table in (*main_tables(results), *extra) if table is not None)
+
+
+def _without_intervals(table: Table) -> Table:
+    rows = [[cell.split(" ± ")[0] for cell in row] for row in table.rows]
+    empty = {i for i in range(1, len(table.columns)) if all(row[i] == NONE for row in rows)}
+    keep = [i for i in range(len(table.columns)) if i not in empty]
+    title = f"{table.title} ({table.note})" if table.note else table.title
+    return Table(title, [table.columns[i] for i in keep], [[row[i] for i in keep] for row in rows])
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Prints the results below the current folder; exit code 2 on an unreadable report."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments not in ([], ["markdown"]):
+        print("usage: python -m motionary.report.summary [markdown]", file=sys.stderr)
+        return 2
+    try:
+        print((markdown if arguments else terminal)(Path("reports")), end="")
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

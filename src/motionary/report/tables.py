@@ -1,0 +1,174 @@
+"""The result tables: one row per system, whatever systems there are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from motionary.report.results import Results, at, parts_of
+from motionary.report.table import NONE, Table, percent, show
+
+JUDGED = (
+    ("R@1", "r1"),
+    ("R@2", "r2"),
+    ("R@3", "r3"),
+    ("FID", "fid"),
+    ("FID of two real halves", "fid_real_halves"),
+    ("MM distance", "mm_dist"),
+    ("Diversity", "diversity"),
+)
+WORDED = (
+    ("BLEU-1", "bleu1"),
+    ("BLEU-4", "bleu4"),
+    ("ROUGE-L", "rouge_l"),
+    ("CIDEr", "cider"),
+    ("BERTScore", "bert_score"),
+)
+
+
+def text_to_motion(results: Results, part: str = "all") -> Table | None:
+    """Generated motions judged with their captions, real ones above them, reconstructed ones between."""
+    systems = {n: r for n, r in results.having("text2motion").items() if part in r["text2motion"]}
+    decoded = {n: r for n, r in results.having("reconstruction").items() if part in r["reconstruction"]}
+    if not systems and not decoded:
+        return None
+    whole = part == "all"
+    first = next(iter((systems or decoded).values()))
+    extra = ["Multimodality", "Oracle: captions", "Oracle: prompts", "Foot skating, m/s"] if whole else ["Oracle"]
+
+    def row(label: str, judged: Any, *more: str) -> list[str]:
+        cells = [show(at(judged, key)) for _, key in JUDGED]
+        return [label, *cells, *more, *[NONE] * (len(extra) - len(more))]
+
+    real_oracle = percent(at(first, "oracle", "captions_real", part, "confirmed"))
+    skating = show(at(first, "physics", "real", "foot_skating"))
+    real_more = (NONE, real_oracle, NONE, skating) if whole else (real_oracle,)
+    rows = [row("real motions", at(first, "real", part), *real_more)]
+    rows += [row(f"real, through {name}", report["reconstruction"][part]) for name, report in decoded.items()]
+    for name, report in systems.items():
+        captions = percent(at(report, "oracle", "captions", part, "confirmed"))
+        more = (
+            show(report.get("multimodality")),
+            captions,
+            percent(at(report, "oracle", "prompts", "confirmed")),
+            show(at(report, "physics", "generated", "foot_skating")),
+        )
+        rows.append(row(name, report["text2motion"][part], *(more if whole else (captions,))))
+    judged = (first.get("text2motion") or first["reconstruction"])[part]
+    note = f"{judged['items']} test motions, R-precision in pools of {judged['pool']}; ± is the 95% interval."
+    title = "Text to motion" if whole else f"Text to motion: {part}"
+    return Table(title, ["", *(heading for heading, _ in JUDGED), *extra], rows, note)
+
+
+def motion_to_text(results: Results, part: str = "all") -> Table | None:
+    """Captions against the references, and judged with the motions they describe."""
+    systems = {n: r for n, r in results.having("language").items() if part in r["language"]}
+    if not systems:
+        return None
+    first = next(iter(systems.values()))
+    real = first.get("caption_real", first.get("real"))
+    judged = JUDGED[0], JUDGED[2], JUDGED[5]
+    columns = ["", *(h for h, _ in WORDED), "BLEU-4, raw captions", *(h for h, _ in judged), "names the action"]
+    rows = [["real captions", *[NONE] * 6, *(show(at(real, part, key)) for _, key in judged), NONE]]
+    for name, report in systems.items():
+        words = report["language"][part]
+        scores = [show(words.get(key)) for _, key in WORDED] + [show(at(words, "raw", "bleu4"))]
+        retrieval = [show(at(report, "motion2text", part, key)) for _, key in judged]
+        rows.append([name, *scores, *retrieval, percent(at(report, "action", part, "named"))])
+    words = first["language"][part]
+    model = f"; BERTScore by {words['bert_model']}" if words.get("bert_model") else ""
+    note = f"{words['items']} test motions; scores on normalized captions{model}."
+    return Table("Motion to text" if part == "all" else f"Motion to text: {part}", columns, rows, note)
+
+
+def parts_tables(results: Results) -> list[Table]:
+    """Both result tables for each part of the test split: every root, human-written and template captions."""
+    tables = []
+    for key, make in (("text2motion", text_to_motion), ("language", motion_to_text)):
+        for part in parts_of(results.having(key), key):
+            table = make(results, part) if part != "all" else None
+            tables += [table] if table else []
+    return tables
+
+
+def reconstruction(results: Results) -> Table | None:
+    """Position errors of motions encoded and decoded again."""
+    reports = {**{n: r for n, r in results.stages.items() if "positions" in r}, **results.having("positions")}
+    rows = []
+    for name, report in reports.items():
+        codes = report.get("codes", at(results.stages, name, "codes"))
+        for part, values in report["positions"].items():
+            errors = [show(values.get(f"{kind}_mm"), 1) for kind in ("local", "root", "global")]
+            rows.append([name, part, show(values.get("windows")), *errors, percent(at(codes, "used"))])
+    if not rows:
+        return None
+    columns = ["", "part", "windows", "local pose, mm", "root removed, mm", "global, mm", "codes used"]
+    note = "Mean distance of joints. Local: root and heading removed; global: nothing removed."
+    return Table("Motions through a codec", columns, rows, note)
+
+
+def nearest_training(results: Results) -> Table | None:
+    """How near generated motions lie to training motions: a system that copies shows here."""
+    rows: list[list[str]] = []
+    for name, report in results.having("nearest_training").items():
+        found = report["nearest_training"]
+        if not rows:
+            rows.append(["real motions", *_distances(found.get("real"))])
+        rows.append([name, *_distances(found.get("generated"))])
+    note = "Distance in the evaluator's space from each motion to the nearest training motion; zero is a copy."
+    return Table("Nearest training motion", ["", "mean", "least"], rows, note) if rows else None
+
+
+def prompts(results: Results) -> Table | None:
+    """The oracle's verdict on each of its prompts."""
+    each = {n: found for n in results.systems if (found := at(results.systems[n], "oracle", "prompts", "each"))}
+    texts = list(dict.fromkeys(text for found in each.values() for text in found))
+    if not texts:
+        return None
+    rows = [[text, *(percent(found.get(text)) for found in each.values())] for text in texts]
+    note = "Share of motions generated for a prompt that a geometric reading of side, direction and speed confirms."
+    return Table("Prompts that can be checked against truth", ["prompt", *each], rows, note)
+
+
+def training(results: Results) -> Table | None:
+    """What each training stage reported of its curves."""
+    keys = ("steps", "best_step", "best_validation_loss")
+    rows = [
+        [name, *(show(report["training"].get(key), 4) for key in keys)]
+        for name, report in results.stages.items()
+        if isinstance(report.get("training"), Mapping)
+    ]
+    return Table("Training", ["stage", "steps", "best step", "best validation loss"], rows) if rows else None
+
+
+def summary(results: Results) -> dict[str, dict[str, float]]:
+    """{system: {metric: mean}} of the main tables, for `dvc metrics show`."""
+    out: dict[str, dict[str, float]] = {}
+
+    def put(name: str, metric: str, value: Any) -> None:
+        value = value.get("mean") if isinstance(value, Mapping) else value
+        if value is not None:
+            out.setdefault(name, {})[metric] = value
+
+    for name, report in results.systems.items():
+        for key in ("text2motion", "reconstruction"):
+            for _, metric in JUDGED:
+                put("real", metric, at(report, "real", "all", metric) if key in report else None)
+                put(name, metric, at(report, key, "all", metric))
+        put(name, "multimodality", report.get("multimodality"))
+        put(name, "oracle_captions", at(report, "oracle", "captions", "all", "confirmed"))
+        put(name, "oracle_prompts", at(report, "oracle", "prompts", "confirmed"))
+        put(name, "foot_skating", at(report, "physics", "generated", "foot_skating"))
+        for _, metric in WORDED:
+            put(name, metric, at(report, "language", "all", metric))
+        put(name, "caption_r3", at(report, "motion2text", "all", "r3"))
+        put(name, "action_named", at(report, "action", "all", "named"))
+    for name, report in {**results.stages, **results.systems}.items():
+        for kind in ("local", "global"):
+            put(name, f"{kind}_mm", at(report, "positions", "all", f"{kind}_mm"))
+        put(name, "codes_used", at(report, "codes", "used"))
+    return out
+
+
+def _distances(found: Any) -> list[str]:
+    return [show(at(found, "mean")), show(at(found, "least"))]

@@ -1,0 +1,247 @@
+"""The page and the tables, from reports made by the evaluation's own functions."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from motionary.errors import InputError
+from motionary.evaluation.scores import Protocol, judged_parts
+from motionary.motion import Motion, Skeleton
+from motionary.report import summary, tables
+from motionary.report.document import render
+from motionary.report.players import Example, players_html
+from motionary.report.results import Results
+from motionary.report.table import Table, show
+
+PIXEL = bytes.fromhex(
+    "89504e470d0a1a0a0000000d49484452000000010000000108000000003a7e9b550000000a49444154789c6360000000020001"
+    "48afa4710000000049454e44ae426082"
+)
+PARTS = {"all": np.arange(40), "styled": np.arange(30), "captioned": np.arange(30, 40)}
+
+
+def judged(noise: float, seed: int = 0):
+    rng = np.random.default_rng(seed)
+    text = rng.normal(size=(40, 8))
+    motion = text + noise * rng.normal(size=text.shape)
+    return judged_parts([(text, motion, PARTS)], text, Protocol(repetitions=3))
+
+
+def generator_report(noise: float) -> dict:
+    share = {"confirmed": 0.75, "checked": 20}
+    return {
+        "system": "x",
+        "evaluator": "abc123",
+        "text2motion": judged(noise),
+        "real": judged(0.1),
+        "physics": {"generated": {"foot_skating": 0.07}, "real": {"foot_skating": 0.03}},
+        "oracle": {
+            "captions": {"all": share, "styled": share},
+            "captions_real": {"all": {"confirmed": 0.95, "checked": 20}},
+            "prompts": {"confirmed": 0.6, "samples": 10, "each": {"a person walks <fast>": 0.6}},
+        },
+        "multimodality": {"mean": 2.0, "half": 0.1, "texts": 4, "samples": 20},
+        "nearest_training": {"generated": {"mean": 1.0, "least": 0.5}, "real": {"mean": 1.5, "least": 0.25}},
+    }
+
+
+def captioner_report() -> dict:
+    words = {"items": 40, "bleu1": 0.8, "bleu4": 0.6, "rouge_l": 0.7, "cider": 3.0, "bert_score": 0.9}
+    words |= {"bert_model": "small", "raw": {"bleu4": 0.4}}
+    return {
+        "system": "y",
+        "evaluator": "abc123",
+        "language": {"all": words, "styled": words},
+        "motion2text": judged(0.5),
+        "real": judged(0.1),
+        "action": {"all": {"named": 0.8, "checked": 30}},
+        "examples": [{"caption": "a <b> walk", "references": ["A person walks.", "walking"]}],
+    }
+
+
+@pytest.fixture
+def reports(tmp_path):
+    folder = tmp_path / "reports"
+    for name in ("evaluation", "figures/tokenizer"):
+        (folder / name).mkdir(parents=True)
+    positions = {"all": {"windows": 9, "local_mm": 31.24, "root_mm": 40.0, "global_mm": 200.0}}
+    files = {
+        "evaluation/alpha.json": generator_report(0.5),
+        "evaluation/beta.json": generator_report(3.0) | {"caption_real": judged(0.1)} | {
+            k: v for k, v in captioner_report().items() if k != "real"
+        },
+        "evaluation/gamma.json": captioner_report(),
+        "tokenizer.json": {
+            "positions": positions,
+            "codes": {"used": 0.9, "perplexity": 70.0, "count": 128},
+            "training": {"steps": 10, "best_step": 8, "best_validation_loss": 0.12345},
+        },
+        "preprocess.json": {
+            "name": "demo", "read": 12, "kept": 10, "minutes_read": 3.5, "captions": 30, "dropped": {"too short": 2},
+            "splits": {"train": {"windows": 8, "captioned": 8, "mirrored": 4, "minutes": 2.5}, "val": {}},
+            "roots": {"demo": {"windows": 10, "captioned": 10, "mirrored": 4, "minutes": 3.1}},
+            "problem_count": 1, "problems": [{"file": "a.bvh", "value": "0 bytes", "rule": "the file is empty"}],
+        },
+        "summary.json": {"never": "read"},
+    }  # fmt: skip
+    for name, values in files.items():
+        (folder / name).write_text(json.dumps(values))
+    for name in ("curves", "contexts"):
+        (folder / "figures/tokenizer" / f"{name}.png").write_bytes(PIXEL)
+    return folder
+
+
+class Page(HTMLParser):
+    """Open tags, texts and addresses of a page."""
+
+    def __init__(self, html: str):
+        super().__init__()
+        self.open, self.texts, self.addresses, self.anchors, self.rows = [], [], [], set(), []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.addresses += [values[key] for key in ("src", "href") if key in values]
+        self.anchors |= {values["id"]} if "id" in values else set()
+        if tag not in ("meta", "img", "input", "option", "link", "br"):
+            self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+
+    def handle_endtag(self, tag):
+        if tag != "option":
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+        if self.open[-1:] in (["td"], ["th"]):
+            self.rows[-1].append(data)
+
+
+def test_the_page_is_whole_and_fetches_nothing(reports):
+    results = Results.read(reports)
+    page = Page(render(results, results.stages["preprocess"]))
+    assert page.open == []
+    assert all(a.startswith(("#", "data:image/png;base64,")) for a in page.addresses)
+    assert {a[1:] for a in page.addresses if a.startswith("#")} <= page.anchors
+    assert sum(a.startswith("data:") for a in page.addresses) == 2
+    text = " ".join(page.texts)
+    for expected in ("abc123", "too short", "a.bvh", "a <b> walk", "a person walks <fast>", "real, ", "31.2"):
+        assert expected in text or expected == "real, "
+
+
+def test_rows_of_the_main_table_say_what_the_reports_say(reports):
+    table = tables.text_to_motion(Results.read(reports))
+    assert [row[0] for row in table.rows] == ["real motions", "alpha", "beta"]
+    report = generator_report(0.5)
+    alpha = dict(zip(table.columns, table.rows[1], strict=True))
+    first = report["text2motion"]["all"]["r1"]
+    assert alpha["R@1"] == (f"{first['mean']:.3f} ± {first['half']:.3f}" if first["half"] else f"{first['mean']:.3f}")
+    assert alpha["FID"].startswith(f"{report['text2motion']['all']['fid']['mean']:.3f}")
+    assert (alpha["Multimodality"], alpha["Oracle: prompts"]) == ("2.000 ± 0.100", "60.0%")
+    assert alpha["Foot skating, m/s"] == "0.070"
+    assert dict(zip(table.columns, table.rows[0], strict=True))["Oracle: captions"] == "95.0%"
+    assert "40 test motions" in table.note
+    assert "pools of 32" in table.note
+    assert "pools of 10" in tables.text_to_motion(Results.read(reports), "captioned").note
+
+
+def test_every_part_gets_its_tables(reports):
+    titles = [table.title for table in tables.parts_tables(Results.read(reports))]
+    assert titles == ["Text to motion: styled", "Text to motion: captioned", "Motion to text: styled"]
+
+
+def test_captioners_are_compared_with_real_captions(reports):
+    table = tables.motion_to_text(Results.read(reports))
+    assert [row[0] for row in table.rows] == ["real captions", "beta", "gamma"]
+    real, beta = (dict(zip(table.columns, table.rows[i], strict=True)) for i in (0, 1))
+    assert real["BLEU-4"] == "-"
+    assert real["R@3"].startswith(f"{judged(0.1)['all']['r3']['mean']:.3f}")
+    assert (beta["BLEU-4"], beta["BLEU-4, raw captions"], beta["names the action"]) == ("0.600", "0.400", "80.0%")
+    assert "small" in table.note
+
+
+def test_reconstructed_motions_stand_among_the_generated(reports):
+    decoded = {"evaluator": "abc123", "reconstruction": judged(0.2), "real": judged(0.1)}
+    (reports / "evaluation" / "codec.json").write_text(json.dumps(decoded))
+    table = tables.text_to_motion(Results.read(reports))
+    assert [row[0] for row in table.rows] == ["real motions", "real, through codec", "alpha", "beta"]
+    assert tables.reconstruction(Results.read(reports)).rows[0][:6] == [
+        "tokenizer", "all", "9", "31.2", "40.0", "200.0",
+    ]  # fmt: skip
+
+
+def test_missing_reports_leave_gaps_and_no_errors(reports, tmp_path):
+    empty = Results.read(tmp_path / "nothing")
+    assert "dvc repro" in render(empty)
+    assert tables.summary(empty) == {}
+    for key in ("physics", "oracle", "multimodality", "nearest_training", "real"):
+        report = generator_report(0.5)
+        del report[key]
+        assert Page(render(Results({"a": report}))).open == []
+    bare = captioner_report()
+    for key in ("action", "examples", "motion2text", "real"):
+        del bare[key]
+    assert Page(render(Results({"a": bare}))).open == []
+
+
+def test_the_summary_is_flat_numbers(reports):
+    found = tables.summary(Results.read(reports))
+    assert found["alpha"]["r3"] == generator_report(0.5)["text2motion"]["all"]["r3"]["mean"]
+    assert found["alpha"]["oracle_prompts"] == 0.6
+    assert found["real"]["r1"] == judged(0.1)["all"]["r1"]["mean"]
+    assert found["gamma"]["bleu4"] == 0.6
+    assert found["tokenizer"] == {"local_mm": 31.24, "global_mm": 200.0, "codes_used": 0.9}
+    assert all(isinstance(value, float) for values in found.values() for value in values.values())
+
+
+def test_the_terminal_table_is_aligned_and_says_where_the_page_lies(reports, monkeypatch, capsys):
+    (reports / "index.html").write_text("x")
+    monkeypatch.chdir(reports.parent)
+    assert summary.main([]) == 0
+    out = capsys.readouterr().out
+    assert "reports/index.html" in out
+    assert "±" not in out.replace("±", "", out.count("; ± is the 95% interval"))
+    lines = [line for line in out.splitlines() if line.startswith("  ")][:4]
+    assert len({len(line) for line in lines}) == 1
+    assert summary.main(["markdown"]) == 0
+    markdown = capsys.readouterr().out
+    assert re.search(r"\| alpha \| \d\.\d{3}", markdown)
+    assert summary.main(["everything"]) == 2
+
+
+def test_a_damaged_report_is_one_line(reports, monkeypatch, capsys):
+    (reports / "evaluation" / "alpha.json").write_text("{")
+    monkeypatch.chdir(reports.parent)
+    assert summary.main([]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    with pytest.raises(InputError, match=r"alpha\.json"):
+        Results.read(reports)
+
+
+def test_cells():
+    assert show({"mean": 0.5, "half": 0.0}) == "0.500"
+    assert show({"mean": 0.5, "half": 0.0123}, 2) == "0.50 ± 0.01"
+    assert (show(None), show(3), show("x")) == ("-", "3", "x")
+    table = Table("T", ["", "a|b"], [["x", "1|2"]])
+    assert "| x | 1\\|2 |" in table.markdown()
+
+
+def test_examples_become_players():
+    skeleton = Skeleton.named("smpl22")
+    rest = np.zeros((22, 3), np.float32)
+    for joint, parent in enumerate(skeleton.parents[1:], 1):
+        rest[joint] = rest[parent] + skeleton.offsets[joint]
+    motion = Motion(np.repeat(rest[None], 8, 0), 20.0, skeleton)
+    html = players_html([Example("a & b", "demo", [motion, motion], ["real", "alpha"], {"beta": "it <walks>"})])
+    page = Page(html)
+    assert page.open == []
+    assert html.count("<canvas") == 2
+    assert "a &amp; b" in html
+    assert "it &lt;walks&gt;" in html
+    assert players_html([]) == ""
