@@ -18,7 +18,7 @@ _WHERE = {
     "inventory": "sources",
     "open_sources": "sources",
 }
-__all__ = sorted(_WHERE)
+__all__ = sorted(_WHERE)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str):

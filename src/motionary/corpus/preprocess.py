@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,7 +93,7 @@ def _list_clips(sources: Sequence[Source], strict: bool) -> tuple[list[Clip], li
     return list(clips.values()), problems
 
 
-def _bar(results: Iterator, clips: Sequence[Clip], name: str, progress: bool) -> Iterator:
+def _bar(results: Iterator, clips: Sequence[Clip], name: str, progress: bool) -> Iterable:
     return tqdm(results, total=len(clips), desc=name, unit="clip", disable=not progress)
 
 
@@ -110,7 +110,7 @@ class _Build:
     captions: list[tuple[int, Caption, str]] = field(default_factory=list)  # row, caption, text
     dropped: Counter = field(default_factory=Counter)
     read: Counter = field(default_factory=Counter)
-    seconds: Counter = field(default_factory=Counter)
+    seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def __post_init__(self):
         self.skeleton = Skeleton.named(self.config.skeleton)

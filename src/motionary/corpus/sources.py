@@ -202,7 +202,7 @@ def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
     listed = (root / "clips.jsonl").is_file()
     source = HumanML3DSource(root, name) if released and not listed else FolderSource(root, name)
     clips, problems = source.clips()
-    rates = {clip.load.path: clip.fps for clip in clips}
+    rates = {getattr(clip.load, "path", ""): clip.fps for clip in clips}
     paths = sorted(path for path in root.rglob("*") if path.is_file())
     with ThreadPoolExecutor(4) as pool:
         work = pool.map(lambda path: _describe(path, root, rates.get(str(path))), paths)
