@@ -205,7 +205,7 @@ def test_trajectory_weight_adds_its_term(context, batch):
 
 @pytest.mark.parametrize("quantizer", ["ema", "gradient"])
 def test_one_batch_is_learned(context, batches, quantizer):
-    model = build(context, quantizer=quantizer, codes=32, width=48, warm_start=0.2, dead=0.1).train()
+    model = build(context, quantizer=quantizer, codes=32, width=48, warm_start=0.2).train()
     batch = batches(context, [32, 32, 24])
     optimizer = torch.optim.Adam(model.parameters(), 3e-3)
     start = float(model.loss(batch, 0.0, generator())[0].detach())

@@ -26,7 +26,7 @@ class Quantizer(nn.Module):
 
     started: Tensor
 
-    def __init__(self, codes: int, dim: int, kind: str = "ema", decay: float = 0.99, dead: float = 1.0):
+    def __init__(self, codes: int, dim: int, kind: str = "ema", decay: float = 0.99, dead: float = 0.1):
         super().__init__()
         if kind not in KINDS:
             raise InputError("tokenizer.quantizer", kind, f"must be one of {', '.join(KINDS)}")
@@ -106,16 +106,17 @@ class Quantizer(nn.Module):
 
     @torch.no_grad()
     def restart(self, generator: torch.Generator) -> int:
-        """Move codes whose running count fell below `dead` to recent latents; returns how many (EMA only)."""
+        """Move codes chosen less than `dead` times the mean to recent latents; returns how many (EMA only)."""
         if self.kind != "ema" or self._recent is None or not bool(self.started):
             return 0
-        dead = self.counts < self.dead
+        even = self.counts.mean()
+        dead = self.counts < self.dead * even
         number = int(dead.sum())
         if number:
             self.codebook[dead] = self._draw(self._recent, number, generator)
             self._share(self.codebook)
-            self.counts[dead] = self.dead
-            self.sums[dead] = self.codebook[dead] * self.dead
+            self.counts[dead] = even  # time to find its place before it is judged again
+            self.sums[dead] = self.codebook[dead] * even
         self._recent = None
         return number
 

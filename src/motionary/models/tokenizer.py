@@ -30,7 +30,7 @@ class TokenizerConfig:
     quantizer: "gradient" (Eq. 3) or "ema" with restart of dead codes.
     beta: weight of the commitment term (Eq. 3).
     decay: of the running means of the "ema" quantizer.
-    dead: running count of choices per batch below which an "ema" code restarts.
+    dead: an "ema" code chosen less than this share of the mean restarts.
     warm_start: share of the training before the codebook is drawn from encoder outputs; 0 draws it at once, -1
         keeps the published random codebook.
     restart_until: share of the training up to which dead codes restart.
@@ -51,7 +51,7 @@ class TokenizerConfig:
     quantizer: str = "ema"
     beta: float = 0.25
     decay: float = 0.99
-    dead: float = 0.5
+    dead: float = 0.1
     warm_start: float = 0.05
     restart_until: float = 0.7
     freeze_from: float = 1.0
