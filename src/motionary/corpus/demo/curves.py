@@ -37,7 +37,7 @@ def _monotone_slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:
     return slopes
 
 
-def curve(t: np.ndarray, times: Sequence[float], values, slopes=None) -> np.ndarray:
+def curve(t: np.ndarray, times: Sequence[float] | np.ndarray, values, slopes=None) -> np.ndarray:
     """Piecewise cubic through keyframes, held constant outside them.
 
     Args:

@@ -122,10 +122,10 @@ def travel(mood: Mood, shape, steps: int, rhythm: Rhythm, lead: int) -> Plan:
         at = min(round(middle * RATE), plan.frames - 1)
         side = (lead + i) % 2
         out = mood.stance.toe_out * (1 if side == LEFT else -1)
-        target = beside(plan.path[at], plan.yaw[at], side, mood)
+        target = beside(plan.path[at], float(plan.yaw[at]), side, mood)
         early = min(rhythm.early * rhythm.cycle, 0.9 * start)
         plans.append(
-            Step(side, start, land, target, plan.yaw[at] + out, rhythm.arc, rhythm.roll, early, rhythm.kick_up)
+            Step(side, start, land, target, float(plan.yaw[at]) + out, rhythm.arc, rhythm.roll, early, rhythm.kick_up)
         )
     take_steps(plan, plans)
     _carry(plan, mood, rhythm, speed, (t - begin) / half)

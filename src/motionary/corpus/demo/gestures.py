@@ -137,7 +137,7 @@ def punch(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
 def clap(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     """Clap the hands before the chest `count` times."""
     big = np.clip(mood.amplitude, 0.75, 1.25)
-    high = 0.75 + float(rng.uniform(-0.05, 0.1))
+    high = 0.75 + max(_level(mood), 0.0) + float(rng.uniform(-0.05, 0.1))
     together = (high, 0.0, -0.72, 1.3)
     apart = (high, 0.25, -0.72 + 0.62 * big, 1.3)
     keys = Keys(mood)

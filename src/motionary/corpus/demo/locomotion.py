@@ -61,10 +61,10 @@ def walk(act: Act, mood: Mood, rng: np.random.Generator, seconds: float | None =
 
 def run(act: Act, mood: Mood, rng: np.random.Generator, seconds: float | None = None) -> Plan:
     """Run forward, straight or bending left or right."""
-    cycle = 0.68 / _tempo(mood, 0.88, 1.15)
+    cycle = 0.66 / _tempo(mood, 0.95, 1.12)
     steps = int(rng.integers(7, 10)) if seconds is None else max(5, int(np.ceil((seconds - 0.5) / cycle * 2)))
-    length = float(np.clip(_stride(mood, act, 0.98), 0.82, 1.15)) * (steps - 2)
-    rhythm = Rhythm(cycle, 0.36, 0.16, 0.75, 1.35, 0.12, 0.035, 0.85, 0.8, 1.0, 0.13, 3.6)
+    length = float(np.clip(_stride(mood, act, 0.98), 0.9, 1.12)) * (steps - 2)
+    rhythm = Rhythm(cycle, 0.33, 0.25, 0.75, 1.35, 0.12, 0.035, 0.85, 0.8, 1.0, 0.13, 3.6)
     angle = act.turn * float(rng.uniform(1.35, 1.75))
     return travel(mood, _arc_shape(length, angle, 0.1), steps, rhythm, int(rng.integers(2)))
 
