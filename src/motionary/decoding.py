@@ -126,7 +126,8 @@ def sample(
         if noise is None:
             last = logits.argmax(-1)
         else:
-            last = sampling.draw(logits, noise[rows.to(noise.device), step].to(logits.device))
+            # Where the noise lives, the CPU: some devices have no float64.
+            last = sampling.draw(logits.to(noise.device), noise[rows.to(noise.device), step]).to(logits.device)
         alive = last != end
         out[rows, step] = last
         found[rows[alive]] = step + 1
