@@ -195,3 +195,12 @@ def test_a_failed_write_leaves_nothing(tmp_path, motion, monkeypatch):
         motion.save(path)
     assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
     assert path.read_text() == "precious"
+
+
+def test_unknown_options_are_named(tmp_path, motion):
+    motion.save(tmp_path / "a.npy", fps=None)
+    assert read_motion(tmp_path / "a.npy", fps=None, skeleton=None).fps == 20
+    with pytest.raises(InputError, match="captions"):
+        motion.save(tmp_path / "a.npy", captions="x")
+    with pytest.raises(InputError, match="speed"):
+        read_motion(tmp_path / "a.npy", speed=2)

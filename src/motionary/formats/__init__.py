@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from importlib import import_module
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +35,8 @@ def read_motion(path: str | os.PathLike, **options: Any) -> Motion:
 
     Args:
         path: the file.
-        options: for that format; ``fps`` for all, ``skeleton`` for arrays, ``unit``, ``up`` and ``skip_first`` for BVH.
+        options: for that format; ``fps`` for all, ``skeleton`` for arrays, ``unit``, ``up`` and ``skip_first`` for BVH
+            and AMC, ``asf`` for AMC. None means not given.
 
     Returns:
         The motion in metres, y up.
@@ -42,7 +44,8 @@ def read_motion(path: str | os.PathLike, **options: Any) -> Motion:
     Raises:
         InputError: unknown extension, or a file that breaks a rule: file, value and rule in one line.
     """
-    return _function(path, READERS, "read")(path, **options)
+    reader = _function(path, READERS, "read")
+    return reader(path, **_known(reader, path, options))
 
 
 def write_motion(motion: Motion, path: str | os.PathLike, force: bool = True, **options: Any) -> Path:
@@ -52,7 +55,8 @@ def write_motion(motion: Motion, path: str | os.PathLike, force: bool = True, **
         motion: what to write.
         path: where; missing folders are made.
         force: replace an existing file.
-        options: for that format.
+        options: for that format: ``unit`` for BVH, ``mesh`` for glb, ``captions`` for mp4, gif and html, ``fps``,
+            ``width``, ``height`` and ``progress`` for mp4 and gif, ``title`` for html. None means not given.
 
     Returns:
         The path.
@@ -60,7 +64,18 @@ def write_motion(motion: Motion, path: str | os.PathLike, force: bool = True, **
     Raises:
         InputError: unknown extension, a place that cannot be written, or an existing file and not `force`.
     """
-    return _function(path, WRITERS, "written")(motion, path, force=force, **options)
+    writer = _function(path, WRITERS, "written")
+    return writer(motion, path, force=force, **_known(writer, path, options))
+
+
+def _known(function: Any, path: str | os.PathLike, options: dict[str, Any]) -> dict[str, Any]:
+    """The options that are given, all of which the format must know."""
+    options = {name: value for name, value in options.items() if value is not None}
+    names = [name for name, option in signature(function).parameters.items() if option.default is not Parameter.empty]
+    for name in options:
+        if name not in names or name == "force":
+            raise InputError(path, name, f"no option of this format; it has {', '.join(names)}")
+    return options
 
 
 def _function(path: str | os.PathLike, table: dict[str, str], done: str) -> Any:

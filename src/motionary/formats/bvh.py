@@ -43,7 +43,7 @@ def read_bvh(
         InputError: unreadable, truncated, wrong counts, or numbers that are not finite: file, line and rule.
     """
     raw = parse(read_text(path), path)
-    return to_motion(_track(raw), fps or _rate(raw.frame_time), path, unit, up, skip_first)
+    return to_motion(_track(raw), _rate(raw.frame_time) if fps is None else fps, path, unit, up, skip_first)
 
 
 def write_bvh(motion: Motion, path: str | os.PathLike, unit: float = 0.01, force: bool = True) -> Path:

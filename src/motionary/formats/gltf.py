@@ -41,12 +41,13 @@ def glb_bytes(motion: Motion, mesh: bool = True) -> bytes:
     local = to_locals(motion)
     pack = _Pack()
     skeleton = local.skeleton
+    children: list[list[int]] = [[] for _ in skeleton.joints]
+    for j, p in enumerate(skeleton.parents[1:], 1):
+        children[p].append(j)
     nodes = [
-        gl.Node(name=name, translation=[float(x) for x in skeleton.offsets[j]], children=[])
+        gl.Node(name=name, translation=[float(x) for x in skeleton.offsets[j]], children=children[j])
         for j, name in enumerate(skeleton.joints)
     ]
-    for j, p in enumerate(skeleton.parents[1:], 1):
-        nodes[p].children.append(j)
     nodes[0].translation = [float(x) for x in local.translations[0, 0]]
     document = gl.GLTF2(
         asset=gl.Asset(version="2.0", generator="motionary", extras={"fps": motion.fps}),
@@ -150,4 +151,4 @@ def _add_body(document: gl.GLTF2, mesh: Body, inverse: np.ndarray, pack: _Pack) 
     document.meshes = [gl.Mesh(primitives=[gl.Primitive(attributes=attributes, indices=indices, material=0)])]
     document.skins = [gl.Skin(joints=list(range(joints)), skeleton=0, inverseBindMatrices=pack.add(bind))]
     document.nodes.append(gl.Node(name="body", mesh=0, skin=0))
-    document.scenes[0].nodes.append(len(document.nodes) - 1)
+    document.scenes = [gl.Scene(nodes=[0, len(document.nodes) - 1])]

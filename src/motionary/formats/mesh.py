@@ -9,6 +9,7 @@ import numpy as np
 
 from motionary.formats.figure import COLORS, limbs, segments
 from motionary.motion import Skeleton
+from motionary.motion.rotations import between
 
 _WOOD = np.array([205, 170, 125], np.float32)
 _SIDES = 12  # of a capsule
@@ -45,7 +46,7 @@ def rest_positions(skeleton: Skeleton) -> np.ndarray:
 
 
 @lru_cache(maxsize=1)
-def _wooden() -> tuple[np.ndarray, ...]:
+def _wooden() -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """mannequin-x's figure on the SMPL joints: roles, parents, joints (22, 3), vertices, faces, weights (V, 22)."""
     from mannequin import Mannequin
 
@@ -63,7 +64,7 @@ def _wooden() -> tuple[np.ndarray, ...]:
     flat = np.arange(count)[:, None] * 22 + main[indices]
     weights = np.bincount(flat.ravel(), shares.ravel(), count * 22).reshape(count, 22)
     roles = [name.replace("L_", "left_").replace("R_", "right_").lower() for name in model.joint_names[:22]]
-    return roles, parents[:22], places[:22], model.vertices(pose).astype(np.float64), model.faces, weights
+    return roles, parents[:22], places[:22], model.vertices(pose).astype(np.float64), np.asarray(model.faces), weights
 
 
 @lru_cache(maxsize=16)
@@ -103,12 +104,9 @@ def mannequin(skeleton: Skeleton) -> Body | None:
 
 def _align(old: np.ndarray, new: np.ndarray, girth: float) -> np.ndarray:
     """The matrix that turns bone `old` to `new` and stretches along it, with `girth` across."""
-    a, b = old / np.linalg.norm(old), new / np.linalg.norm(new)
-    cross, cosine = np.cross(a, b), float(a @ b)
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    turn = np.eye(3) + skew + skew @ skew / (1 + cosine)
+    axis = old / np.linalg.norm(old)
     along = np.linalg.norm(new) / np.linalg.norm(old)
-    return turn @ (girth * np.eye(3) + (along - girth) * np.outer(a, a))
+    return between(old, new) @ (girth * np.eye(3) + (along - girth) * np.outer(axis, axis))
 
 
 def capsules(skeleton: Skeleton, positions: np.ndarray) -> Body:

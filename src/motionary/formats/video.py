@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -181,7 +181,7 @@ def _label(text: str, width: int, size: int) -> np.ndarray:
     return np.asarray(image)
 
 
-def _encode(frames: Iterator[np.ndarray], shape: tuple[int, int], fps: float, path: Path, gif: bool) -> None:
+def _encode(frames: Iterable[np.ndarray], shape: tuple[int, int], fps: float, path: Path, gif: bool) -> None:
     """Pipe frames (H, W, 3) uint8 through ffmpeg into `path`."""
     from imageio_ffmpeg import get_ffmpeg_exe
 
