@@ -48,7 +48,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     """The `config.json` of a saved model: {"system", "config", "context"}."""
     path = Path(folder) / CONFIG_FILE
     if not path.is_file():
-        raise InputError(path, "missing", "must be a folder written by a training stage; train this system first")
+        raise InputError(path, "missing", f"must be a trained model; run `dvc repro {Path(folder).name}` first")
     try:
         record = json.loads(path.read_text())
         record["system"], record["config"], record["context"]

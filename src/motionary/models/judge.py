@@ -58,10 +58,10 @@ class Judge:
 def pad(features: Sequence[np.ndarray]) -> tuple[torch.Tensor, torch.Tensor]:
     """Raw features (T_i, D) as one zero-padded batch (B, T, D) and its frame counts (B,)."""
     frames = torch.tensor([len(f) for f in features])
-    batch = torch.zeros(len(features), int(frames.max()), features[0].shape[1])
+    batch = np.zeros((len(features), int(frames.max()), features[0].shape[1]), np.float32)
     for place, f in enumerate(features):
-        batch[place, : len(f)] = torch.from_numpy(np.ascontiguousarray(f))
-    return batch, frames
+        batch[place, : len(f)] = f  # in numpy: torch warns about the corpus's read-only map
+    return torch.from_numpy(batch), frames
 
 
 def by_length(lengths: Sequence[int], batch_size: int, progress: str | None = None):

@@ -1,0 +1,276 @@
+"""A trained pipeline in hand: text to motion, motion to text, search. ``motionary.load("models")`` opens it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from threading import RLock
+from typing import Any, TypeVar
+
+import numpy as np
+
+from motionary.corpus.context import Context
+from motionary.errors import InputError
+from motionary.inputs import check_whole, encode, frames_of, listed
+from motionary.language import Sentence, annotate, check_prompt
+from motionary.motion import Motion
+
+T = TypeVar("T")
+GENERATOR, CAPTIONER = "inverse_alignment", "motion2text"  # which systems answer unless a call names another
+OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")  # of sampling; a system may ignore some
+
+
+@dataclass(frozen=True)
+class Match:
+    """A window of the corpus that a search found.
+
+    Attributes:
+        id: of the window.
+        origin, start, end: the clip it was cut from, and its seconds there.
+        captions: as written.
+        distance: to the text, in the evaluator's space.
+        motion: the window itself.
+    """
+
+    id: str
+    origin: str
+    start: float
+    end: float
+    captions: tuple[str, ...]
+    distance: float
+    motion: Motion
+
+
+def load(models: str | Path = "models", device: str = "auto") -> Dictionary:
+    """Open the models that ``dvc repro`` built; each system loads when it is first asked.
+
+    Args:
+        models: the folder; any subset of its systems serves. Search also reads ``data/corpus`` beside the folder.
+        device: "auto", "cpu", "cuda" or another that torch names.
+
+    Raises:
+        InputError: no such folder, or no model in it.
+
+    Example:
+        >>> d = motionary.load("models")  # doctest: +SKIP
+        >>> d.generate("a person waves", n=3, seed=0)[0].save("wave.bvh")  # doctest: +SKIP
+    """
+    folder = Path(models)
+    if not folder.is_dir():
+        raise InputError(folder, "missing", "must be a folder of trained models; run `dvc repro` first")
+    dictionary = Dictionary(folder, device)
+    if not dictionary.systems:
+        raise InputError(folder, "empty", "holds no trained model; run `dvc repro` first")
+    return dictionary
+
+
+class Dictionary:
+    """A folder of trained systems; see :func:`load`. Several threads may share one: they take turns.
+
+    Attributes:
+        models: the folder.
+    """
+
+    def __init__(self, models: Path, device: str = "auto"):
+        self.models, self._device = models, device
+        self._opened: dict[tuple[str, str], Any] = {}
+        self._lock = RLock()
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """Names of what lies in the folder."""
+        return tuple(sorted(f.name for f in self.models.iterdir() if f.is_dir() and not f.name.startswith(".")))
+
+    def generate(
+        self,
+        texts: str | Sequence[str],
+        n: int = 1,
+        seconds: float | None = None,
+        system: str = GENERATOR,
+        seed: int = 0,
+        **options: float,
+    ) -> list[Any]:
+        """Motions that a text describes.
+
+        Args:
+            texts: one English text, or several that are generated together.
+            n: variants of each text.
+            seconds: length, rounded to whole motion tokens (0.2 s at 20 fps); None lets the system decide. The
+                longest that systems learn is a little shorter than ten seconds: 10 gives 9.8.
+            system: the text-to-motion system that answers.
+            seed: equal text, variant, seed and options give an equal motion, whatever else is asked with them.
+            options: of sampling: temperature, top_k, top_p, guidance, greedy.
+
+        Returns:
+            n motions; for several texts a list of n motions for each.
+
+        Raises:
+            InputError: a text that cannot be read, a value out of range, a system that is not there.
+        """
+        sentences = self._sentences(texts)
+        check_whole("n", n, 1)
+        check_whole("seed", seed, 0)
+        for name in options:
+            if name not in OPTIONS:
+                raise InputError(name, options[name], f"unknown option; known: {', '.join(OPTIONS)}")
+        generator, context = self._open(system, "open_generator"), self.context(system)
+        frames = None if seconds is None else [frames_of(seconds, context)] * (n * len(sentences))
+        seeds = [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(n)] * len(sentences)
+        with self._lock:
+            features = generator.generate([s for s in sentences for _ in range(n)], seeds, frames, **options)
+        codec = context.make_codec()
+        motions = [codec.decode(f, fps=context.fps) for f in features]
+        rows = [motions[i : i + n] for i in range(0, len(motions), n)]
+        return rows[0] if isinstance(texts, str) else rows
+
+    def caption(
+        self,
+        motions: Motion | Sequence[Motion],
+        n: int = 1,
+        beams: int = 2,
+        system: str = CAPTIONER,
+        seed: int = 0,
+        temperature: float | None = None,
+    ) -> list[Any]:
+        """Sentences that describe a motion, as normalized words.
+
+        Args:
+            motions: one or several, on any rig and at any rate; of a longer one the first ten seconds are read.
+            n: captions of each, best first.
+            beams: of the beam search; at least n are kept.
+            system: the motion-to-text system that answers.
+            seed, temperature: with a temperature, captions are drawn and not searched.
+
+        Returns:
+            n captions; for several motions a list of n captions for each.
+
+        Raises:
+            InputError: a motion that is too short or on an unknown rig, a value out of range, a missing system.
+        """
+        several = listed(motions, Motion, "motions")
+        for name, value, least in (("n", n, 1), ("beams", beams, 1), ("seed", seed, 0)):
+            check_whole(name, value, least)
+        captioner, context = self._open(system, "open_captioner"), self.context(system)
+        features = [encode(motion, context) for motion in several]
+        drawn = {} if temperature is None else {"seeds": [seed] * len(features), "temperature": temperature}
+        with self._lock:
+            found = captioner.caption(features, beams=max(beams, n), n=n, **drawn)
+        return found[0] if isinstance(motions, Motion) else found
+
+    def search(self, texts: str | Sequence[str], k: int = 5) -> list[Any]:
+        """The windows of the corpus that lie nearest to a text.
+
+        Returns:
+            k of :class:`Match`, nearest first; for several texts a list of k for each.
+
+        Raises:
+            InputError: a text that cannot be read, k below 1, or a missing evaluator, index or corpus.
+        """
+        check_whole("k", k, 1)
+        sentences = self._sentences(texts)
+        retrieval = self._open("retrieval", "open_generator")
+        sentences = self._corrected(sentences)
+        with self._lock:
+            queries, found = retrieval.judge.sentences(sentences), retrieval.search(sentences, k)
+        rows = []
+        for query, places in zip(queries, found, strict=True):
+            away = np.linalg.norm(np.asarray(retrieval.index.motions[places]) - query, axis=-1)
+            rows.append([_match(retrieval.corpus, int(i), float(d)) for i, d in zip(places, away, strict=True)])
+        return rows[0] if isinstance(texts, str) else rows
+
+    def embed(
+        self, texts: str | Sequence[str] | None = None, motions: Motion | Sequence[Motion] | None = None
+    ) -> np.ndarray:
+        """(N, D) float32 vectors of N texts or N motions in the evaluator's space, where matching ones lie near.
+
+        Raises:
+            InputError: not exactly one of the two is given, or one of them cannot be read.
+        """
+        if (texts is None) == (motions is None):
+            raise InputError("texts, motions", "neither" if texts is None else "both", "give one of the two")
+        if texts is not None:
+            sentences = self._sentences(texts)
+            judge = self._judge()
+            with self._lock:
+                return judge.sentences(self._corrected(sentences))
+        several = listed(motions, Motion, "motions")
+        judge = self._judge()
+        features = [encode(motion, judge.context) for motion in several]
+        with self._lock:
+            return judge.motions(features)
+
+    def stylize(self, motion: Motion, style: str | None = None, reference: Motion | None = None, n: int = 1, seed=0):
+        """The motion in another style. InputError: no system here stylizes yet."""
+        raise self._absent("stylization")
+
+    def act(self, action: str, n: int = 1, seconds: float | None = None, seed: int = 0):
+        """Motions of an action label. InputError: no system here acts yet."""
+        raise self._absent("action2motion")
+
+    def read_as(self, text: str) -> str:
+        """The words that the systems read in a text: normalized, typos corrected, unknown ones marked."""
+        return self._corrected(self._sentences(text))[0].normalized
+
+    def context(self, system: str) -> Context:
+        """What a system knows of its data: skeleton, rate, codec, vocabulary."""
+        from motionary.models.io import CONFIG_FILE, read_record
+
+        # What brings no config of its own (search) lives in the evaluator's space.
+        name = system if (self.models / system / CONFIG_FILE).is_file() else "evaluator"
+        if not (self.models / name).is_dir():
+            raise self._absent(name)
+        return self._once(name, "context", lambda: Context.from_json(read_record(self.models / name)["context"]))
+
+    def _open(self, name: str, opener: str) -> Any:
+        if not (self.models / name).is_dir():
+            raise self._absent(name)
+        try:
+            module = import_module(f"motionary.models.{name}")
+        except ModuleNotFoundError:
+            raise InputError("system", name, f"must be one of {', '.join(self.systems)}") from None
+        if not hasattr(module, opener):
+            rule = "does not turn text into motion" if opener == "open_generator" else "does not turn motion into text"
+            raise InputError("system", name, rule)
+        return self._once(name, opener, lambda: getattr(module, opener)(self.models, self._on()))
+
+    def _on(self) -> str:
+        """The device to run on."""
+        if self._device != "auto":
+            return self._device
+        import torch
+
+        return "cuda" if torch.cuda.is_available() else "cpu"
+
+    def _judge(self) -> Any:
+        from motionary.models.judge import Judge
+
+        self.context("evaluator")  # names the stage where the evaluator is missing
+        return self._once("evaluator", "judge", lambda: Judge(self.models, self._on()))
+
+    def _once(self, name: str, what: str, build: Callable[[], T]) -> T:
+        with self._lock:
+            if (name, what) not in self._opened:
+                self._opened[name, what] = build()
+            return self._opened[name, what]
+
+    def _sentences(self, texts: str | Sequence[str]) -> list[Sentence]:
+        return annotate([check_prompt(text) for text in listed(texts, str, "text")])
+
+    def _corrected(self, sentences: list[Sentence]) -> list[Sentence]:
+        """With typos corrected to words of the training captions."""
+        named = ("evaluator", GENERATOR, CAPTIONER, *self.systems)
+        name = next((n for n in named if (self.models / n / "config.json").is_file()), "evaluator")
+        vocabulary = self.context(name).vocabulary
+        return [vocabulary.correct(sentence) for sentence in sentences]
+
+    def _absent(self, name: str) -> InputError:
+        return InputError("system", name, f"not part of these models; run `dvc repro {name}`")
+
+
+def _match(corpus: Any, row: int, distance: float) -> Match:
+    clips = corpus.clips
+    captions = tuple(str(corpus.captions.text[c]) for c in corpus.captions_of(row))
+    start, end = float(clips.start[row]), float(clips.end[row])
+    return Match(str(clips.id[row]), str(clips.origin[row]), start, end, captions, distance, corpus.motion(row))

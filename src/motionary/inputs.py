@@ -1,0 +1,61 @@
+"""What users hand in: checked, and brought to the form that models read."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeVar
+
+import numpy as np
+
+from motionary.corpus.context import Context
+from motionary.corpus.workers import without_bind_pose
+from motionary.errors import InputError
+from motionary.motion import Motion, canonicalize, resample, retarget
+
+T = TypeVar("T")
+
+
+def encode(motion: Motion, context: Context) -> np.ndarray:
+    """Raw features (T, D) of any motion, as preprocess would make them; T is a multiple of the unit, and at most
+    the longest that models learn.
+
+    Raises:
+        InputError: shorter than one unit, on an unknown rig, or not finite once encoded.
+    """
+    motion = retarget(resample(without_bind_pose(motion), context.fps), context.skeleton)
+    if motion.frames % context.unit == 0:
+        # T features decode to T frames, but it takes T + 1 to encode them: the last step is repeated, so that a
+        # generated motion is read whole.
+        after = 2 * motion.positions[-1:] - motion.positions[-2:-1]
+        motion = Motion(np.concatenate([motion.positions, after]), motion.fps, motion.skeleton)
+    frames = min(motion.frames - 1, context.max_frames) // context.unit * context.unit
+    if frames < context.unit:
+        least = context.unit / context.fps
+        raise InputError("motion", f"{motion.duration:.3f} s", f"must last at least {least:g} s")
+    features = context.make_codec().encode(canonicalize(motion.crop(0, frames + 1)))
+    if not np.isfinite(features).all():
+        raise InputError("motion", "not finite", "features must be finite; the motion is degenerate")
+    return features
+
+
+def frames_of(seconds: float, context: Context) -> int:
+    """Frames of a length asked for, in whole units; InputError names the range."""
+    unit, longest = context.unit / context.fps, math.ceil(context.max_frames / context.fps)
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not unit <= seconds <= longest:
+        raise InputError("seconds", seconds, f"must be a number from {unit:g} to {longest:g}")
+    return min(round(seconds / unit) * context.unit, context.max_frames)
+
+
+def listed(values: Any, kind: type[T], name: str) -> list[T]:
+    """One value or several as a list; InputError for anything else."""
+    if isinstance(values, kind):
+        return [values]
+    if isinstance(values, list | tuple) and values and all(isinstance(value, kind) for value in values):
+        return list(values)
+    raise InputError(name, repr(values), f"must be one {kind.__name__} or a list of them")
+
+
+def check_whole(name: str, value: Any, least: int) -> None:
+    """InputError unless `value` is a whole number of at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise InputError(name, value, f"must be a whole number, at least {least}")
