@@ -68,7 +68,7 @@ def test_equal_captions_share_their_places_or_count_as_right():
 
 def test_multimodal_distance_of_known_offsets():
     x = features(8, 2)
-    assert multimodal_distance(x, x + [3, 4]) == pytest.approx(5, rel=1e-6)
+    assert multimodal_distance(x, x + np.array([3, 4])) == pytest.approx(5, rel=1e-6)
     assert multimodal_distance(x, x) == 0
 
 

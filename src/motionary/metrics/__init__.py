@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from motionary.metrics.distribution import diversity, frechet_distance, halves_distance, multimodality
     from motionary.metrics.intervals import Interval, interval, paired_bootstrap, paired_interval
+    from motionary.metrics.language import bert_score, bleu, caption_scores, cider, rouge_l
     from motionary.metrics.physics import floating, foot_skating, jitter, penetration
     from motionary.metrics.position import (
         PositionErrors,
@@ -27,6 +28,10 @@ __all__ = [
     "PositionErrors",
     "average_position_error",
     "average_variance_error",
+    "bert_score",
+    "bleu",
+    "caption_scores",
+    "cider",
     "diversity",
     "floating",
     "foot_skating",
@@ -43,11 +48,13 @@ __all__ = [
     "penetration",
     "position_errors",
     "r_precision",
+    "rouge_l",
 ]
 _PARTS = ("distribution", "intervals", "language", "oracle", "physics", "position", "retrieval")
 _HOMES = {
     "distribution": ("diversity", "frechet_distance", "halves_distance", "multimodality"),
     "intervals": ("Interval", "interval", "paired_bootstrap", "paired_interval"),
+    "language": ("bert_score", "bleu", "caption_scores", "cider", "rouge_l"),
     "physics": ("floating", "foot_skating", "jitter", "penetration"),
     "position": (
         "PositionErrors",

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from motionary.motion import Motion
 
 
-def foot_skating(motion: Motion, height: float = 0.025, contacts: Any = None) -> float:
+def foot_skating(motion: Motion, height: float = 0.015, contacts: Any = None) -> float:
     """Mean speed over the ground of the foot joints while in contact (thesis 5.4), in m/s; 0 without any contact.
 
     Args:

@@ -92,7 +92,8 @@ def squats(s: Signals, cut: Thresholds) -> tuple[int, int]:
     """How often the hips go down over the feet, and how often behind them, as on a seat."""
     down = spans(-s.rise, -cut.squat, -cut.stand)
     seated = [s.foot[begin : end + 1, :, 2].mean() > cut.seat for begin, end in down]
-    return len(down) - sum(seated), sum(seated)
+    sits = int(sum(seated))
+    return len(down) - sits, sits
 
 
 def bows(s: Signals, cut: Thresholds) -> int:

@@ -1,0 +1,98 @@
+"""Skating, jitter and floor against motions built to have them."""
+
+import numpy as np
+import pytest
+
+from motionary.errors import InputError
+from motionary.metrics import floating, foot_skating, jitter, penetration
+from motionary.motion import Motion, Skeleton
+
+SMPL = Skeleton.named("smpl22")
+
+
+def standing(frames=40, fps=20.0):
+    rest = np.zeros((22, 3))
+    for joint, parent in enumerate(SMPL.parents):
+        rest[joint] = SMPL.offsets[joint] + (rest[parent] if joint else 0)
+    rest[:, 1] -= rest[:, 1].min()
+    return Motion(np.repeat(rest[None], frames, axis=0), fps, SMPL)
+
+
+def moved(motion, curve):
+    """The motion with (T, 3) added to all joints."""
+    return Motion(motion.positions + np.asarray(curve)[:, None], motion.fps, motion.skeleton)
+
+
+@pytest.mark.parametrize("fps", [20.0, 60.0])
+def test_a_sliding_body_skates_at_its_speed(fps):
+    t = np.arange(40) / fps
+    sliding = moved(standing(fps=fps), np.stack([0.3 * t, 0 * t, 0.4 * t], -1))
+    assert foot_skating(sliding) == pytest.approx(0.5, rel=1e-3)
+    assert foot_skating(standing(fps=fps)) == 0
+
+
+def test_one_sliding_foot_counts_for_its_own_frames():
+    motion = standing()
+    p = motion.positions.copy()
+    left = [SMPL.feet[0], SMPL.feet[1]]
+    p[20:, left, 2] += (np.arange(20) * 0.02)[:, None]  # 0.4 m/s in half of the frames
+    assert foot_skating(Motion(p, 20, SMPL)) == pytest.approx(0.4 * 19 / (2 * 39), rel=1e-3)
+
+
+def test_a_lifted_foot_may_move():
+    motion = standing()
+    p = motion.positions.copy()
+    left = [SMPL.feet[0], SMPL.feet[1]]
+    p[20:, left, 1] += 0.2
+    p[21:, left, 2] += (np.arange(19) * 0.05)[:, None]
+    assert foot_skating(Motion(p, 20, SMPL)) == 0
+
+
+def test_given_contacts_decide():
+    t = np.arange(40) / 20
+    sliding = moved(standing(), np.stack([t, 0 * t, 0 * t], -1))
+    contacts = np.zeros((39, 4), bool)
+    assert foot_skating(sliding, contacts=contacts) == 0
+    contacts[:, 1] = True
+    assert foot_skating(sliding, contacts=contacts) == pytest.approx(1, rel=1e-3)
+
+
+def test_jerk_of_a_cubic_at_any_rate():
+    for fps in (20.0, 50.0):
+        t = np.arange(40) / fps
+        cubic = moved(standing(fps=fps), np.stack([2 * t**3, 0 * t, t**2], -1))
+        assert jitter(cubic) == pytest.approx(12, rel=0.02)
+
+
+def test_floor():
+    motion = standing()
+    assert penetration(motion) == 0
+    assert floating(motion) == 0
+    sunk = moved(motion, np.repeat([[0, -0.03, 0]], 40, axis=0))
+    assert penetration(sunk) == pytest.approx(0.03, rel=1e-4)
+    up = np.zeros((40, 3))
+    up[:10, 1] = 0.2
+    assert floating(moved(motion, up)) == 0.25
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda m: foot_skating(m.crop(0, 1)),
+        lambda m: jitter(m.crop(0, 3)),
+        lambda m: foot_skating(m, contacts=np.ones((3, 4))),
+    ],
+)
+def test_bad_input_is_named(call):
+    with pytest.raises(InputError):
+        call(standing())
+
+
+@pytest.mark.real
+def test_real_feet_hardly_skate(shared_data):
+    folder = shared_data / "styled" / "motions"
+    clips = [Motion(np.load(p).astype(np.float32), 20, SMPL) for p in sorted(folder.glob("*walk*"))[::40]]
+    real = np.mean([foot_skating(m) for m in clips])
+    slides = [moved(m, np.arange(m.frames)[:, None] * np.array([0.02, 0, 0])) for m in clips]  # 0.4 m/s more
+    assert real < 0.2
+    assert np.mean([foot_skating(m) for m in slides]) > real + 0.2
