@@ -1,0 +1,113 @@
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+sys.path.insert(0, str(Path(__file__).parent))
+from toy import Numbers, Regression, batches, settings
+
+from motionary.corpus.batches import Batches
+from motionary.training.loop import fit, make_fabric, rate, validate
+
+
+@pytest.fixture(scope="module")
+def fabric():
+    return make_fabric("cpu")
+
+
+def validation():
+    return Batches(Numbers(32, seed=1), 16, shuffle=False)
+
+
+def trained(fabric, checkpoint=None, stops=(None,), **changes):
+    config = settings(**changes)
+    for stop in stops:
+        model = Regression()
+        history = fit(model, batches(config), validation(), config, fabric, checkpoint, stop_after=stop)
+    return model, history
+
+
+def test_training_lowers_the_loss(fabric):
+    before = validate(Regression(), validation(), "cpu")["loss"]
+    model, history = trained(fabric, steps=200)
+    assert validate(model, validation(), "cpu")["loss"] < 0.1 * before
+    assert history.validation[-1]["step"] == 200
+
+
+@pytest.mark.parametrize("changes", [{}, {"ema": 0.9}, {"patience": 3}])
+def test_a_killed_run_ends_with_the_weights_of_an_unbroken_one(fabric, tmp_path, changes):
+    unbroken, whole = trained(fabric, **changes)
+    # Killed at steps that are not checkpoints: up to six steps are lost and done again.
+    resumed, pieces = trained(fabric, tmp_path / "c.safetensors", stops=(10, 26, None), **changes)
+    for name, value in unbroken.state_dict().items():
+        assert torch.equal(value, resumed.state_dict()[name]), name
+    assert pieces.validation == whole.validation
+    assert pieces.train == whole.train
+
+
+def test_the_same_seed_repeats_and_another_does_not(fabric):
+    config = settings()
+    runs = []
+    for seed in (0, 0, 1):
+        model = Regression()
+        fit(model, batches(config), None, config, fabric, seed=seed)
+        runs.append(model.state_dict()["net.0.weight"])
+    assert torch.equal(runs[0], runs[1])
+    assert not torch.equal(runs[0], runs[2])
+
+
+def test_early_stopping_keeps_the_best_weights(fabric):
+    config = settings(steps=400, learning_rate=0.5, schedule="constant", patience=4, validate_every=3, clip=0.0)
+    model = Regression(noise=3.0)
+    history = fit(model, batches(config), validation(), config, fabric)
+    best = min(row["loss"] for row in history.validation)
+    assert history.stopped_early
+    assert history.validation[-1]["step"] < 400
+    assert validate(model, validation(), "cpu")["loss"] == pytest.approx(best, rel=1e-6)
+
+
+def test_average_of_weights_is_what_is_kept(fabric):
+    config = settings(ema=0.5, steps=1, warmup=0)
+    model = Regression()
+    start = {name: p.detach().clone() for name, p in model.named_parameters()}
+    plain = Regression()
+    fit(plain, batches(config), None, settings(steps=1, warmup=0), fabric)
+    fit(model, batches(config), None, config, fabric)
+    # After one step the decay is min(0.5, 2 / 11).
+    for name, p in model.named_parameters():
+        stepped = dict(plain.named_parameters())[name]
+        assert torch.allclose(p, start[name] + (1 - 2 / 11) * (stepped - start[name]), atol=1e-6)
+
+
+def test_rate_closed_form():
+    config = settings(steps=105, warmup=5)
+    assert [rate(config, s) for s in (0, 4)] == [0.2, 1.0]
+    assert rate(config, 5) == 1.0
+    assert rate(config, 55) == pytest.approx(0.505)
+    assert rate(config, 105) == pytest.approx(0.01)
+    assert rate(settings(schedule="constant"), 39) == 1.0
+    assert all(math.isfinite(rate(settings(warmup=40), s)) for s in range(41))
+
+
+def test_hooks_and_progress(fabric):
+    model, history = trained(fabric, steps=10, log_every=1)
+    assert model.seen == 10
+    assert [row["progress"] for row in history.train] == pytest.approx([i / 10 for i in range(10)])
+
+
+def test_two_processes_train_as_one_with_twice_the_batch(fabric, tmp_path):
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
+    toy = Path(__file__).parent / "toy.py"
+    done = subprocess.run([*command, str(toy), str(tmp_path)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]
+    first, second = (load_file(tmp_path / f"rank{rank}.safetensors") for rank in (0, 1))
+    config = settings(batch_size=8)
+    single = Regression(dropout=0.0, noise=0.0)
+    fit(single, batches(config), None, config, fabric)
+    for name, value in single.named_parameters():
+        assert torch.equal(first[name], second[name])
+        assert torch.allclose(first[name], value, atol=2e-5), name

@@ -1,0 +1,74 @@
+"""A small regression problem for tests of the loop: also run by ``torchrun``, see test_distributed.py."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+from torch import nn
+
+from motionary.corpus.batches import Batch, Batches
+from motionary.training.loop import fit, make_fabric
+from motionary.training.settings import TrainSettings
+
+
+class Numbers:
+    """Vectors whose target is a fixed linear map of them, as a corpus dataset."""
+
+    def __init__(self, count: int = 96, seed: int = 0):
+        rng = np.random.default_rng(seed)
+        self.x = rng.normal(size=(count, 6)).astype(np.float32)
+        self.y = (self.x @ np.random.default_rng(99).normal(size=(6, 2))).astype(np.float32)
+        self.lengths, self.weights = np.ones(count, dtype=int), None
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def collate(self, indices, rng) -> Batch:
+        values = np.concatenate([self.x[indices], self.y[indices]], axis=1)
+        return Batch(clip=torch.as_tensor(indices), motion=torch.from_numpy(values)[:, None])
+
+
+class Regression(nn.Module):
+    """Two layers with dropout and noise from the loop's generator, so that resuming must restore both."""
+
+    def __init__(self, dropout: float = 0.2, noise: float = 0.05):
+        super().__init__()
+        torch.manual_seed(3)
+        self.net = nn.Sequential(nn.Linear(6, 16), nn.Tanh(), nn.Dropout(dropout), nn.Linear(16, 2))
+        self.register_buffer("seen", torch.zeros(()))
+        self.noise = noise
+
+    def loss(self, batch, progress, generator):
+        x, y = batch.motion[:, 0].split([6, 2], dim=1)
+        x = x + self.noise * torch.randn(x.shape, generator=generator)
+        loss = (self.net(x) - y).square().mean()
+        return loss, {"progress": torch.tensor(progress)}
+
+    def validate(self, batch):
+        x, y = batch.motion[:, 0].split([6, 2], dim=1)
+        return {"loss": (self.net(x) - y).square().mean()}
+
+    def after_step(self, step, progress, generator):
+        self.seen += 1
+
+
+def settings(**changes) -> TrainSettings:
+    values = dict(steps=40, batch_size=8, learning_rate=0.02, weight_decay=0.01, clip=1.0, warmup=5, validate_every=7)
+    return TrainSettings(**{**values, **changes})
+
+
+def batches(config: TrainSettings, rank: int = 0, world: int = 1, seed: int = 0) -> Batches:
+    return Batches(Numbers(), config.batch_size, seed, drop_last=True, rank=rank, world=world)
+
+
+if __name__ == "__main__":
+    torch.set_num_threads(1)
+    fabric = make_fabric("cpu")
+    config = settings(batch_size=4)
+    model = Regression(dropout=0.0, noise=0.0)
+    fit(model, batches(config, fabric.global_rank, fabric.world_size), None, config, fabric)
+    save_file(model.state_dict(), Path(sys.argv[1]) / f"rank{fabric.global_rank}.safetensors")
