@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from motionary.corpus.store import Corpus
 from motionary.evaluation.items import Items, sentence_of
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
-from motionary.metrics import oracle
 from motionary.metrics.distribution import multimodality
+from motionary.metrics.oracle.fitting import fit_thresholds
+from motionary.metrics.oracle.prompts import PROMPTS, confirm, holds
+from motionary.metrics.oracle.reading import read
+from motionary.metrics.oracle.thresholds import Thresholds
 from motionary.metrics.physics import foot_skating, jitter
 from motionary.models.judge import Judge
 from motionary.motion import Motion
@@ -49,14 +53,15 @@ def score_generator(
             first = (sentences, generated, motion, parts)
     assert first is not None
     sentences, generated, features, parts = first
+    thresholds = fitted_oracle(items.corpus)
     report: dict[str, Any] = {
         "text2motion": judged_parts(draws, real, protocol),
         "real": judged_parts(real_draws, real, protocol),
         "physics": {"generated": _physics(items, generated), "real": _physics(items, items.features)},
         "oracle": {
-            "captions": confirmed(items, sentences, generated, parts),
-            "captions_real": confirmed(items, sentences, items.features, parts),
-            "prompts": _prompts(generator, items, protocol, seed),
+            "captions": confirmed(items, sentences, generated, parts, thresholds),
+            "captions_real": confirmed(items, sentences, items.features, parts, thresholds),
+            "prompts": _prompts(generator, items, protocol, seed, thresholds),
         },
         "multimodality": _multimodality(generator, items, judge, protocol, seed),
     }
@@ -92,9 +97,20 @@ def _physics(items: Items, features: Sequence[np.ndarray]) -> dict[str, float]:
     }
 
 
-def confirmed(items: Items, sentences: Sequence[Sentence], features: Sequence[np.ndarray], parts) -> dict[str, Any]:
+def fitted_oracle(corpus: Corpus, most: int = 800) -> Thresholds:
+    """The oracle's cuts, fixed on (at most `most`) unmirrored training windows and one caption of each."""
+    rows = corpus.rows("train", captioned=True)
+    rows = rows[~corpus.clips.mirrored[rows]]
+    rows = np.sort(np.random.default_rng(0).permutation(rows)[:most])
+    captions = [str(corpus.captions.text[corpus.caption_start[row]]) for row in rows]
+    return fit_thresholds([corpus.motion(row) for row in rows], captions)
+
+
+def confirmed(
+    items: Items, sentences: Sequence[Sentence], features: Sequence[np.ndarray], parts, thresholds: Thresholds
+) -> dict[str, Any]:
     """Share of motions that the oracle confirms, of the captions that claim something it can read."""
-    verdicts = [oracle.confirm(m, s.text) for m, s in zip(_motions(items, features), sentences, strict=True)]
+    verdicts = [confirm(m, s.text, thresholds) for m, s in zip(_motions(items, features), sentences, strict=True)]
     known = np.array([v is not None for v in verdicts])
     right = np.array([bool(v) for v in verdicts])
     out = {}
@@ -105,14 +121,15 @@ def confirmed(items: Items, sentences: Sequence[Sentence], features: Sequence[np
     return out
 
 
-def _prompts(generator, items: Items, protocol: Protocol, seed: int) -> dict[str, Any]:
+def _prompts(generator, items: Items, protocol: Protocol, seed: int, thresholds: Thresholds) -> dict[str, Any]:
     """The oracle's own prompts about side, direction and speed, several motions each."""
-    texts = [prompt for prompt in oracle.PROMPTS for _ in range(protocol.prompt_samples)]
-    generated = _generate(generator, annotate(texts), seed + 17, protocol, "prompts")
-    verdicts = [bool(oracle.confirm(m, t)) for m, t in zip(_motions(items, generated), texts, strict=True)]
+    prompts = [prompt for prompt in PROMPTS for _ in range(protocol.prompt_samples)]
+    generated = _generate(generator, annotate([p.text for p in prompts]), seed + 17, protocol, "prompts")
+    motions = _motions(items, generated)
+    verdicts = [holds(read(m, thresholds), p.claims) for m, p in zip(motions, prompts, strict=True)]
     each = np.reshape(verdicts, (-1, protocol.prompt_samples)).mean(1)
-    by_prompt = {str(prompt): round(float(share), 3) for prompt, share in zip(oracle.PROMPTS, each, strict=True)}
-    return {"confirmed": round(float(each.mean()), 4), "samples": len(texts), "each": by_prompt}
+    by_prompt = {prompt.text: round(float(share), 3) for prompt, share in zip(PROMPTS, each, strict=True)}
+    return {"confirmed": round(float(each.mean()), 4), "samples": len(prompts), "each": by_prompt}
 
 
 def _multimodality(generator, items: Items, judge: Judge, protocol: Protocol, seed: int) -> dict[str, Any]:
