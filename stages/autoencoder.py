@@ -5,7 +5,7 @@ import hydra
 
 from motionary.corpus.batches import Windows
 from motionary.corpus.store import Corpus
-from motionary.evaluation.reconstruction import test_positions
+from motionary.evaluation.positions import test_positions
 from motionary.models.autoencoder import Autoencoder, AutoencoderConfig
 from motionary.models.io import save_model
 from motionary.models.layers import seeded

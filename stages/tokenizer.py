@@ -2,11 +2,11 @@
 
 from _project import ROOT  # isort: skip
 import hydra
-from motionary.evaluation.tokens import code_usage, draw_contexts
 
 from motionary.corpus.batches import TokenStore, Windows
 from motionary.corpus.store import Corpus
-from motionary.evaluation.reconstruction import Reconstructor, test_positions
+from motionary.evaluation.positions import Reconstructor, test_positions
+from motionary.evaluation.tokens import code_usage, draw_contexts
 from motionary.models.io import save_model
 from motionary.models.layers import seeded
 from motionary.models.tokenizer import Tokenizer, TokenizerConfig

@@ -2,94 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-import torch
-
-from motionary.corpus.store import Corpus
 from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.positions import position_report, unmirrored
 from motionary.evaluation.scores import Protocol, judged_parts
-from motionary.metrics.position import mpjpe
-from motionary.models.judge import Judge, by_length, pad
-
-KINDS = ("local", "root", "global")
-
-
-def position_report(corpus: Corpus, rows: Sequence[int], decoded: Sequence[np.ndarray]) -> dict[str, Any]:
-    """Mean per-joint position errors in millimetres, over all windows and by root of the data.
-
-    Args:
-        corpus: that holds the windows.
-        rows: windows that were encoded.
-        decoded: their decoded raw features, each (T, D) with T at most the window's length.
-
-    Returns:
-        {part: {"windows", "local_mm", "root_mm", "global_mm"}}: local has root and heading removed, root the root
-        only, global nothing.
-    """
-    codec = corpus.context.make_codec()
-    errors = []
-    for row, features in zip(rows, decoded, strict=True):
-        motion = codec.decode(features, fps=corpus.context.fps)
-        real = codec.decode(corpus.features(row)[: len(features)], fps=corpus.context.fps)
-        errors.append([mpjpe(motion, real, kind) for kind in KINDS])
-    table, groups = np.asarray(errors), corpus.clips.group[np.asarray(rows)]
-    parts = {"all": np.ones(len(table), bool)}
-    if len(np.unique(groups)) > 1:
-        parts |= {str(group): groups == group for group in np.unique(groups)}
-    return {
-        name: {
-            "windows": int(where.sum()),
-            **{f"{kind}_mm": round(float(v), 3) for kind, v in zip(KINDS, table[where].mean(0), strict=True)},
-        }
-        for name, where in parts.items()
-    }
-
-
-class Reconstructor:
-    """Passes motions through a model that offers encode(raw, frames) and decode(codes, count), in batches."""
-
-    def __init__(self, model: Any, device: str = "cpu", batch_size: int = 64):
-        self.model, self.device, self.batch_size = model.to(device).eval(), device, batch_size
-        self.unit = model.context.unit
-
-    @torch.no_grad()
-    def encode(self, features: Sequence[np.ndarray], progress: str | None = None) -> list[np.ndarray]:
-        """Codes (T // unit, ...) of each motion's raw features (T, D)."""
-        out: list[np.ndarray] = [np.zeros(0)] * len(features)
-        for rows in by_length([len(f) for f in features], self.batch_size, progress):
-            batch, frames = pad([features[i] for i in rows])
-            codes = self.model.encode(batch.to(self.device), frames.to(self.device)).cpu().numpy()
-            for i, code in zip(rows, codes, strict=True):
-                out[i] = code[: len(features[i]) // self.unit]
-        return out
-
-    @torch.no_grad()
-    def reconstruct(self, features: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Decoded raw features, each as long as its input floored to whole units."""
-        out: list[np.ndarray] = [np.zeros(0)] * len(features)
-        for rows in by_length([len(f) for f in features], self.batch_size):
-            batch, frames = pad([features[i] for i in rows])
-            batch, frames = batch.to(self.device), frames.to(self.device)
-            count = frames // self.unit
-            decoded = self.model.decode(self.model.encode(batch, frames), count).cpu().numpy()
-            for place, i in enumerate(rows):
-                out[i] = decoded[place, : int(count[place]) * self.unit]
-        return out
-
-
-def test_positions(corpus: Corpus, model: Any) -> dict[str, Any]:
-    """Position errors of the unmirrored test windows through `model`."""
-    rows = unmirrored(corpus, "test")
-    return position_report(corpus, rows, Reconstructor(model).reconstruct([corpus.features(i) for i in rows]))
-
-
-def unmirrored(corpus: Corpus, split: str) -> np.ndarray:
-    """Rows of a split without the mirrored copies."""
-    rows = corpus.rows(split)
-    return rows[~corpus.clips.mirrored[rows]]
+from motionary.models.judge import Judge
 
 
 def score_reconstructor(reconstructor: Any, items: Items, judge: Judge, protocol: Protocol) -> dict[str, Any]:

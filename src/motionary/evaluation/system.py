@@ -13,7 +13,8 @@ from motionary.errors import InputError
 from motionary.evaluation.captioning import score_captioner
 from motionary.evaluation.generation import score_generator
 from motionary.evaluation.items import Items
-from motionary.evaluation.reconstruction import Reconstructor, score_reconstructor
+from motionary.evaluation.positions import Reconstructor
+from motionary.evaluation.reconstruction import score_reconstructor
 from motionary.evaluation.scores import Protocol
 from motionary.models.io import load_model
 from motionary.models.judge import Judge

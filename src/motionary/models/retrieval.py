@@ -14,8 +14,8 @@ import numpy as np
 
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
-from motionary.models.judge import Judge
 from motionary.language import Sentence
+from motionary.models.judge import Judge
 
 
 class Index:

@@ -117,12 +117,12 @@ def rewrite(root: Path) -> str:
         command = re.search(r"python (stages/\w+\.py)", line)
         if command:
             stage = command.group(1)
-        if re.match(r"\s+- (stages|src)/", line):
+        if re.match(r"\s+- (stages|src)/", line) and "${" not in line:
             continue
         out.append(line)
         if stage and re.match(r"\s+deps:\s*$", line):
             indent = re.match(r"\s+", line).group()  # type: ignore[union-attr]
-            out += [f"{indent}- {path}" for path in stage_dependencies(root, root / stage)]
+            out += [f"{indent}  - {path}" for path in stage_dependencies(root, root / stage)]
             stage = None
     return "\n".join(out) + "\n"
 
