@@ -1,0 +1,96 @@
+"""The report of a whole small pipeline: evaluated, gathered and drawn by the stage itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from motionary.corpus.store import Corpus
+from motionary.evaluation.scores import Protocol
+from motionary.evaluation.system import score_system
+from motionary.report.build import build_report
+from motionary.report.players import make_examples
+
+SYSTEMS = ("inverse_alignment", "motion2text", "retrieval", "tokenizer")
+
+
+def test_examples_show_what_each_system_offers(pipeline):
+    corpus = Corpus.open(pipeline / "data/corpus")
+    systems = ["inverse_alignment", "motion2text", "retrieval", "tokenizer", "nonsense"]
+    examples, problems = make_examples(corpus, pipeline / "models", systems, 3)
+    assert len(examples) == 3
+    for example in examples:
+        assert list(example.labels) == ["real", "inverse_alignment", "retrieval"]
+        assert set(example.captions) == {"motion2text", "retrieval"}
+        assert len(example.motions) == 3
+        assert example.caption in set(corpus.captions.text)
+    assert len({example.caption for example in examples}) == 3
+    assert problems == ["nonsense: system: nonsense: must be a system in motionary.models"]
+    again, _ = make_examples(corpus, pipeline / "models", systems[:1], 3)
+    for a, b in zip(examples, again, strict=True):
+        assert np.array_equal(a.motions[1].positions, b.motions[1].positions)
+
+
+@pytest.fixture(scope="module")
+def project(pipeline, repository, tmp_path_factory):
+    """A copy of the project with a pipeline that ran up to the evaluation."""
+    root = tmp_path_factory.mktemp("project")
+    for name in ("stages", "conf"):
+        shutil.copytree(repository / name, root / name)
+    for name in ("data", "models"):
+        shutil.copytree(pipeline / name, root / name)
+    (root / "src").symlink_to(repository / "src")
+    corpus = Corpus.open(root / "data/corpus")
+    protocol = Protocol(
+        repetitions=2, multimodality_texts=2, multimodality_samples=4, multimodality_pairs=2, prompt_samples=1,
+        bert_score=False,
+    )  # fmt: skip
+    (root / "reports/evaluation").mkdir(parents=True)
+    for name in SYSTEMS:
+        report = score_system(name, root / "models", corpus, protocol, device="cpu")
+        (root / "reports/evaluation" / f"{name}.json").write_text(json.dumps(report))
+    return root
+
+
+def check_page(page: str) -> None:
+    for system in SYSTEMS:
+        assert f"<td>{system}</td>" in page or f"real, through {system}" in page
+    assert page.count("<canvas") == 2 * 3  # real, inverse_alignment and retrieval
+    assert "http://" not in page
+    assert "https://" not in page
+
+
+def test_evaluated_systems_become_a_page_with_players(project):
+    page, numbers = build_report(project, examples=2)
+    check_page(page)
+    assert set(numbers) == {"real", *SYSTEMS}
+    for metric in ("r1", "r3", "fid", "mm_dist", "diversity", "multimodality", "foot_skating"):
+        assert isinstance(numbers["inverse_alignment"][metric], float)
+
+
+def test_it_works_when_parts_are_missing(project, tmp_path):
+    (tmp_path / "data").mkdir()
+    assert "dvc repro" in build_report(tmp_path)[0]
+    (tmp_path / "data/corpus").symlink_to(project / "data/corpus")
+    assert "clips read" in build_report(tmp_path)[0]
+    shutil.copytree(project / "reports", tmp_path / "reports")
+    page = build_report(tmp_path, examples=2)[0]
+    assert "Not shown: inverse_alignment" in page
+
+
+@pytest.mark.slow
+def test_the_stage_writes_where_it_may(project):
+    """Outside DVC nothing of the pipeline is touched."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "MLFLOW_"))}
+    line = [sys.executable, "stages/report.py", "hydra.run.dir=out", "report.examples=2"]
+    done = subprocess.run(line, cwd=project, capture_output=True, text=True, env=environment, timeout=600)
+    assert done.returncode == 0, done.stderr
+    check_page((project / "out/reports/index.html").read_text())
+    assert set(json.loads((project / "out/reports/summary.json").read_text())) == {"real", *SYSTEMS}
+    assert not (project / "reports/index.html").exists()
