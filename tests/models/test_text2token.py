@@ -242,5 +242,7 @@ def test_bad_settings_say_what_is_wrong(context):
         made.generate(sentences(context), range(7), guidance=2.0)
     with pytest.raises(InputError, match="seeds"):
         made.generate(sentences(context), [1])
+    with pytest.raises(InputError, match="beams"):
+        made.generate(sentences(context), range(7), beams=2)
     with pytest.raises(InputError, match="frames"):
         made.generate(sentences(context), range(7), [4] * 6)

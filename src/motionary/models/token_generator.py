@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from motionary.models.tokenizer import Tokenizer
 
 
+OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")
+
+
 def blank(words: Tensor, tags: Tensor | None, count: Tensor, rows: Tensor) -> tuple[Tensor, Tensor | None, Tensor]:
     """Replace the sentences of `rows` (B,) bool by the empty one: start and end only."""
 
@@ -78,6 +81,9 @@ class Generator:
         wanted = None if frames is None else [int(f) for f in frames]
         if wanted is not None and (len(wanted) != len(sentences) or min(wanted, default=1) < 1):
             raise InputError("frames", wanted, "must be one positive number per sentence")
+        for option in options:
+            if option not in OPTIONS:
+                raise InputError(option, options[option], f"unknown option; known are {', '.join(OPTIONS)}")
         for first in range(0, len(sentences), self.chunk):
             part = slice(first, first + self.chunk)
             lengths = None if wanted is None else wanted[part]
