@@ -46,6 +46,8 @@ class Stage:
         self.workspace = Workspace.find(root, folder)
         self.seed = int(self.values["seed"])
         self.section: dict[str, Any] = self.values.get(name, {})
+        if "steps" in self.section:
+            self.training()  # a bad value is said before anything is read
         self.data = {key: self.section[key] for key in DATA_KEYS if key in self.section}
         self._sweep = Path(hydra.sweep.dir).resolve() if sweeping else None
         self._inputs: dict[str, Path] = {}

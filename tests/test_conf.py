@@ -1,0 +1,97 @@
+"""Configuration: what is committed is what conf/ composes, and no name breaks DVC."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from motionary.errors import InputError
+from motionary.models.tokenizer import TokenizerConfig
+from motionary.training.params import differences, write_params
+from motionary.training.settings import TrainSettings, divide
+from motionary.training.tracking import flatten
+
+SCALES = ("tiny", "small", "paper")
+
+
+def composed(repository, tmp_path, *overrides):
+    write_params(repository, tmp_path / "params.yaml", overrides)
+    return yaml.safe_load((tmp_path / "params.yaml").read_text())
+
+
+def test_params_are_the_composed_conf(repository, tmp_path):
+    assert composed(repository, tmp_path) == yaml.safe_load((repository / "params.yaml").read_text())
+    assert differences(repository) == {}
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_every_scale_has_the_same_keys(repository, tmp_path, scale):
+    default = flatten(composed(repository, tmp_path))
+    values = flatten(composed(repository, tmp_path, f"scale={scale}"))
+    assert values["scale"] == scale
+    assert values.keys() == default.keys()
+
+
+def test_a_data_root_reaches_params(repository, tmp_path):
+    values = composed(repository, tmp_path, "data=folder", "data.roots=[../a,/b]")
+    assert values["data"]["roots"] == ["../a", "/b"]
+
+
+def test_banned_names(repository, tmp_path):
+    # DVC drops "size" and "nfiles" from its run-cache key and would serve stale outputs.
+    for key, value in flatten(composed(repository, tmp_path)).items():
+        assert not {"size", "nfiles"} & set(key.split(".")), key
+        assert value != "???", key
+    for file in (repository / "conf").rglob("*.yaml"):
+        # DVC's composition cannot resolve Hydra's own values.
+        assert "${hydra:" not in file.read_text(), file
+
+
+def test_stage_files_carry_their_package(repository):
+    for file in (repository / "conf").glob("*.yaml"):
+        if file.stem not in ("config", "study"):
+            assert file.read_text().splitlines()[0] == f"# @package {file.stem}", file
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"steps": 0}, "tokenizer.steps"),
+        ({"learning_rate": -1.0}, "tokenizer.learning_rate"),
+        ({"schedule": "linear"}, "tokenizer.schedule"),
+        ({"codez": 5}, "tokenizer.codez"),
+        ({"quantizer": "soft"}, "tokenizer.quantizer"),
+    ],
+)
+def test_bad_values_name_their_key(repository, changes, named):
+    section = {**yaml.safe_load((repository / "params.yaml").read_text())["tokenizer"], **changes}
+    with pytest.raises(InputError, match=named.replace(".", r"\.")):
+        divide(section, TokenizerConfig, "tokenizer")
+
+
+def test_division_loses_no_key(repository):
+    section = yaml.safe_load((repository / "params.yaml").read_text())["tokenizer"]
+    model, settings = divide(section, TokenizerConfig, "tokenizer")
+    assert isinstance(settings, TrainSettings)
+    kept = {**vars(model), **vars(settings), "window": section["window"]}
+    assert {key: kept[key] for key in section} == section
+
+
+@pytest.mark.parametrize(
+    ("override", "rule"),
+    [
+        ("evaluator.dim=8", "stage tokenizer reads only"),
+        ("tokenizer.nonsense=1", "Could not override"),
+        ("tokenizer.steps=0", "tokenizer.steps: 0: must be at least 1"),
+    ],
+)
+def test_a_stage_refuses_what_it_does_not_read(repository, tmp_path, override, rule):
+    for name in ("conf", "stages", "src"):
+        shutil.copytree(repository / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    command = [sys.executable, "stages/tokenizer.py", override]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode != 0
+    assert rule in done.stderr
+    assert not (tmp_path / "models").exists()
