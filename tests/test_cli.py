@@ -20,7 +20,7 @@ from motionary.corpus.demo import demo_clip
 def shell(*arguments: str, text: str = "") -> subprocess.CompletedProcess:
     """The command as its own process."""
     line = [sys.executable, "-m", "motionary.cli", *arguments]
-    return subprocess.run(line, input=text, capture_output=True, text=True, timeout=120)
+    return subprocess.run(line, input=text, capture_output=True, text=True, timeout=600)
 
 
 @pytest.fixture

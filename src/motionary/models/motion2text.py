@@ -221,7 +221,7 @@ class Captioner:
         longest = -(-max(len(array) for array in features) // unit) * unit
         motion = torch.zeros(len(features), longest, features[0].shape[1])
         for row, array in zip(motion, features, strict=True):
-            row[: len(array)] = torch.as_tensor(array)
+            row[: len(array)] = torch.tensor(array)  # a copy: the corpus is a read-only map
             # A motion shorter than one unit holds its last frame.
             row[len(array) : unit] = row[len(array) - 1]
         frames = torch.tensor([max(unit, len(array) // unit * unit) for array in features])

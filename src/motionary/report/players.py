@@ -108,7 +108,9 @@ def _choose(items: Items, count: int) -> tuple[np.ndarray, np.ndarray]:
     places: list[int] = []
     for group in np.unique(groups):
         seen: set[int] = set()
-        inside = [p for p in np.flatnonzero(groups == group) if not _repeats(corpus.captions.key[captions[p]], seen)]
+        inside = [
+            p for p in np.flatnonzero(groups == group) if not _repeats(int(corpus.captions.key[captions[p]]), seen)
+        ]
         places += [inside[k] for k in np.unique(np.linspace(0, len(inside) - 1, shares).astype(int))]
     chosen = np.array(places[:count], int)
     return items.rows[chosen], captions[chosen]

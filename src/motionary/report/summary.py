@@ -39,7 +39,8 @@ def _without_intervals(table: Table) -> Table:
     rows = [[cell.split(" ± ")[0] for cell in row] for row in table.rows]
     empty = {i for i in range(1, len(table.columns)) if all(row[i] == NONE for row in rows)}
     keep = [i for i in range(len(table.columns)) if i not in empty]
-    title = f"{table.title} ({table.note})" if table.note else table.title
+    note = table.note.split("; ±")[0].rstrip(".")
+    title = f"{table.title} ({note})" if note else table.title
     return Table(title, [table.columns[i] for i in keep], [[row[i] for i in keep] for row in rows])
 
 
