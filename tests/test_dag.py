@@ -44,7 +44,9 @@ def test_dependencies_follow_relative_lazy_and_inner_imports(tmp_path):
     (package / "a" / "more.py").write_text("")
     (package / "a" / "unused.py").write_text("")
     (package / "b.py").write_text("def f():\n    import motionary.c\n")
-    (package / "c.py").write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import motionary.a.unused\n")
+    (package / "c.py").write_text(
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import motionary.a.unused\n"
+    )
     stage = tmp_path / "stages" / "s.py"
     stage.parent.mkdir()
     stage.write_text("from motionary.a import Thing, Other\n")

@@ -162,7 +162,9 @@ def test_a_killed_stage_continues_to_the_weights_of_an_unbroken_one(project):
     long = _set(project.overrides, "autoencoder.steps=600", "autoencoder.validate_every=5")
     command = ["dvc", "exp", "run", "autoencoder", *long]
     log = (project.root.parent / "killed.txt").open("w")
-    process = subprocess.Popen(command, cwd=project.root, env=project.env, stdout=log, stderr=log, start_new_session=True)
+    process = subprocess.Popen(
+        command, cwd=project.root, env=project.env, stdout=log, stderr=log, start_new_session=True
+    )
     deadline = time.monotonic() + 240
     while not list(project.root.glob(".cache/autoencoder/*/autoencoder.safetensors")):
         assert process.poll() is None, "the stage ended before it could be killed"
