@@ -48,12 +48,19 @@ def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protoc
         }
     return {
         "language": language,
-        "motion2text": judged_parts([(text, features, parts)], features, protocol),
-        "real": judged_parts([(real_text, features, parts)], features, protocol),
+        "motion2text": _retrieval(judged_parts([(text, features, parts)], features, protocol)),
+        "real": _retrieval(judged_parts([(real_text, features, parts)], features, protocol)),
         "action": {name: named_action(sentences, items, where) for name, where in parts.items()},
         "examples": [
             {"caption": captions[i], "references": raw[i]} for i in np.linspace(0, len(items) - 1, 12).astype(int)
         ],
+    }
+
+
+def _retrieval(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """What the rows say of texts: the motions are the real ones, so their distribution says nothing."""
+    return {
+        name: {k: v for k, v in row.items() if not k.startswith(("fid", "diversity"))} for name, row in rows.items()
     }
 
 
