@@ -1,0 +1,266 @@
+"""What is measured. A case prepares its inputs and returns the work to be timed; the figures are those of facts known.
+
+References are CPU seconds of the released implementations on one thread of a machine much like the one that runs CI;
+bounds are what this project promises for the same shapes.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
+from motionary.bench.measure import convolution_flops, least_time, matmul_rate
+from motionary.bench.shapes import Shapes
+
+# Modules of the project are imported by the case that needs them: one that is absent is then reported as such, and
+# the others still run in as little memory as they need.
+
+
+@dataclass(frozen=True)
+class Work:
+    """Prepared work: `run` is timed; `note` is called with its seconds afterwards and says what else is worth it."""
+
+    run: Callable[[], Any]
+    note: Callable[[float], str] = field(default=lambda seconds: "")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the table; times in seconds of CPU, None where there is no such figure."""
+
+    name: str
+    title: str
+    prepare: Callable[[Shapes], Work]
+    reference: float | None = None
+    bound: float | None = None
+
+
+def _step(model: torch.nn.Module, loss: Callable[[], torch.Tensor], clip: float = 0.0) -> Callable[[], None]:
+    """A whole training step: loss, gradients, clipping, Adam."""
+    parameters = [p for p in model.parameters() if p.requires_grad]
+    optimizer = torch.optim.AdamW(parameters, lr=1e-4)
+    model.train()
+
+    def run() -> None:
+        loss().backward()
+        if clip:
+            torch.nn.utils.clip_grad_norm_(parameters, clip)
+        optimizer.step()
+        optimizer.zero_grad(set_to_none=True)
+
+    return run
+
+
+def _generator() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+def _features(shapes: Shapes) -> Work:
+    from motionary.features import HumanML3D
+
+    motion = make_motion(shapes.clip_frames)
+    codec = HumanML3D(motion.skeleton)
+    return Work(lambda: codec.encode(motion))
+
+
+def _recover(shapes: Shapes) -> Work:
+    from motionary.features.humanml3d import recover_positions
+
+    features = make_batch(1, 4 * shapes.tokens).motion[0].numpy()  # type: ignore[index]
+    return Work(lambda: recover_positions(features, 22))
+
+
+def _tokenizer_model(shapes: Shapes, context: Any):
+    from motionary.models.tokenizer import Tokenizer, TokenizerConfig
+
+    config = TokenizerConfig(
+        codes=shapes.codes, code_dim=shapes.width, width=shapes.width, fine_width=0, encoder_blocks=1,
+        decoder_blocks=3, fine_blocks=1, dilation=1, quantizer="gradient", beta=1.0, warm_start=-1, position_weight=0,
+    )  # fmt: skip
+    return Tokenizer(config, context)
+
+
+def _tokenizer(shapes: Shapes) -> Work:
+    model = _tokenizer_model(shapes, make_context(shapes)).train()
+    one, batch = make_batch(1, shapes.window), make_batch(shapes.windows, shapes.window)
+    flops = shapes.windows * convolution_flops(model, lambda: model.loss(one, 0.5, _generator()))
+    flops += 2 * shapes.windows * (shapes.window // 4) * shapes.codes * shapes.width  # of the nearest codes
+    before = matmul_rate(shapes.matmul)
+
+    def note(seconds: float) -> str:
+        peak = max(before, matmul_rate(shapes.matmul))  # both sides of the work: a shared machine's rate wanders
+        share = flops / seconds / peak
+        return f"{flops / 1e9:.0f} GFLOP at {flops / seconds / 1e9:.1f} GFLOP/s, {share:.0%} of the matmul rate"
+
+    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0]), note)
+
+
+def _captioner(shapes: Shapes, context: Any):
+    from motionary.models.motion2text import Motion2Text, Motion2TextConfig
+
+    config = Motion2TextConfig(
+        codes=shapes.codes, width=shapes.transformer_width, layers=shapes.layers, feed_forward=shapes.feed_forward,
+        heads=shapes.heads, dropout=0.1,
+    )  # fmt: skip
+    return Motion2Text(config, context)
+
+
+def _motion2text(shapes: Shapes) -> Work:
+    model = _captioner(shapes, make_context(shapes))
+    batch = make_batch(
+        shapes.batch, words=shapes.words, tokens=shapes.source - 2, codes=shapes.codes, vocabulary=shapes.vocabulary
+    )
+    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0]))
+
+
+class _Endless:
+    """A decoder that never ends, so that random weights write captions of full length."""
+
+    def __init__(self, decoder: Any, end: int):
+        self.decoder, self.end, self.reorder = decoder, end, decoder.reorder
+
+    def step(self, state: Any, tokens: torch.Tensor) -> tuple[torch.Tensor, Any]:
+        logits, state = self.decoder.step(state, tokens)
+        return logits.index_fill(1, torch.tensor([self.end]), -torch.inf), state
+
+
+def _captions(shapes: Shapes) -> Work:
+    from motionary.decoding import beam_search
+    from motionary.language import END, START
+
+    model = _captioner(shapes, make_context(shapes)).eval()
+    batch = make_batch(shapes.captions, tokens=shapes.tokens, codes=shapes.codes)
+    start = torch.full((shapes.captions,), START)
+
+    @torch.no_grad()
+    def run() -> None:
+        ids, mask = model.token_source(batch.tokens, batch.token_count)
+        state = model.start(model.embed(ids), mask)
+        beam_search(_Endless(model, END), state, start, END, 2, 1, shapes.caption_words)
+
+    return Work(run)
+
+
+def _generator_settings(shapes: Shapes) -> dict[str, Any]:
+    return {
+        "codes": shapes.codes, "word_dim": shapes.word_dim, "text_width": shapes.text_width,
+        "width": shapes.gru_width, "most_tokens": shapes.tokens,
+    }  # fmt: skip
+
+
+def _text2token(shapes: Shapes) -> Work:
+    from motionary.models.text2token import Text2Token, Text2TokenConfig
+
+    forced = {"teacher_forcing_start": 1.0, "teacher_forcing_end": 1.0}
+    model = Text2Token(Text2TokenConfig(**_generator_settings(shapes), **forced), make_context(shapes))
+    batch = make_batch(
+        shapes.batch, words=shapes.words, tokens=shapes.unrolled - 1, codes=shapes.codes, vocabulary=shapes.vocabulary
+    )
+    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0], clip=0.5))
+
+
+def _inverse_alignment(shapes: Shapes) -> Work:
+    from motionary.models.inverse_alignment import InverseAlignment, InverseAlignmentConfig
+
+    context = make_context(shapes)
+    model = InverseAlignment(InverseAlignmentConfig(**_generator_settings(shapes)), context)
+    model.learn_from(_captioner(shapes, context))
+    batch = make_batch(shapes.batch, words=shapes.words, vocabulary=shapes.vocabulary)
+    return Work(_step(model, lambda: model.caption_loss(batch, _generator())[0], clip=0.5))
+
+
+def _texts(shapes: Shapes) -> Work:
+    from motionary.models.text2token import Text2Token, Text2TokenConfig
+    from motionary.models.token_generator import Generator
+
+    context = make_context(shapes)
+    model = Text2Token(Text2TokenConfig(**_generator_settings(shapes)), context)
+    generator = Generator(model, _tokenizer_model(shapes, context).eval())
+    sentences = make_sentences(shapes, shapes.texts)
+    frames = [4 * shapes.tokens] * shapes.texts  # random weights would end at random
+    return Work(lambda: generator.generate(sentences, list(range(shapes.texts)), frames))
+
+
+def _evaluator(shapes: Shapes) -> Work:
+    from motionary.models.evaluator import Evaluator, EvaluatorConfig
+
+    config = EvaluatorConfig(
+        text_width=shapes.text_width, motion_width=shapes.motion_width, dim=shapes.embedding, word_dim=shapes.word_dim,
+        dropout=0.0, objective="margin", snippet_width=shapes.snippet_width, snippet_dim=shapes.snippet_width,
+    )  # fmt: skip
+    model = Evaluator(config, make_context(shapes))
+    batch = make_batch(shapes.pairs, 4 * shapes.tokens, shapes.words, vocabulary=shapes.vocabulary)
+    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0], clip=0.5))
+
+
+def _autoencoder(shapes: Shapes) -> Work:
+    from motionary.models.autoencoder import Autoencoder, AutoencoderConfig
+
+    config = AutoencoderConfig(width=shapes.snippet_width, code_dim=shapes.snippet_width)
+    model = Autoencoder(config, make_context(shapes))
+    batch = make_batch(shapes.snippet_windows, shapes.snippet_window)
+    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0]))
+
+
+def _metrics(shapes: Shapes) -> Work:
+    from motionary.metrics import frechet_distance, r_precision
+
+    rng = np.random.default_rng(0)
+    text, motion, real = rng.normal(size=(3, shapes.items, shapes.embedding)).astype(np.float32)
+
+    def note(seconds: float) -> str:
+        retrieval, _ = least_time(lambda: r_precision(text, motion))
+        return f"R-precision {clock(retrieval)} (reference {clock(0.0185)}), the rest is FID (reference {clock(0.444)})"
+
+    return Work(lambda: (r_precision(text, motion), frechet_distance(motion, real)), note)
+
+
+def _write(extension: str) -> Callable[[Shapes], Work]:
+    def prepare(shapes: Shapes) -> Work:
+        from motionary.formats import write_motion
+
+        folder = tempfile.TemporaryDirectory()  # it goes with the closure
+        motion = make_motion(round(shapes.seconds * FPS))
+        return Work(lambda: write_motion(motion, Path(folder.name) / f"motion{extension}"))
+
+    return prepare
+
+
+def _read_bvh(shapes: Shapes) -> Work:
+    from motionary.formats import read_motion, write_motion
+
+    folder = tempfile.TemporaryDirectory()
+    path = write_motion(make_motion(round(shapes.seconds * FPS)), Path(folder.name) / "motion.bvh")
+    return Work(lambda: (folder.name, read_motion(path)))
+
+
+def clock(seconds: float) -> str:
+    """Seconds as a reader wants them: 4.2 ms, 0.85 s, 14.7 s."""
+    if seconds < 0.1:
+        return f"{1000 * seconds:.1f} ms"
+    return f"{seconds:.2f} s" if seconds < 10 else f"{seconds:.1f} s"
+
+
+CASES: tuple[Case, ...] = (
+    Case("features", "263 features of a clip of 200 frames", _features, 0.042, 0.006),
+    Case("recover", "positions of 196 frames of features", _recover, 0.0009),
+    Case("tokenizer", "tokenizer step, 128 windows x 64 frames, width 1024", _tokenizer, 14.7, 14.7),
+    Case("motion2text", "motion2text step, batch 64, 55 tokens, 21 words", _motion2text, 7.2, 6.0),
+    Case("captions", "captions of 32 motions by beam 2, 30 words", _captions, 38.0, 3.0),
+    Case("text2token", "text2token step, teacher-forced, batch 64, 54 tokens", _text2token, 17.3, 7.0),
+    Case("inverse_alignment", "inverse-alignment half step (captions), batch 64", _inverse_alignment, 26.2, 12.0),
+    Case("texts", "300 texts to motions of 196 frames", _texts, 41.0, 15.0),
+    Case("autoencoder", "autoencoder step, 128 windows x 40 frames", _autoencoder, 0.81),
+    Case("evaluator", "evaluator step, 32 pairs x 196 frames", _evaluator, 2.7),
+    Case("metrics", "R-precision and FID of 4000 x 512", _metrics, 0.4625, 0.15),
+    Case("mp4", "a motion of 10 s to mp4", _write(".mp4")),
+    Case("glb", "a motion of 10 s to glb, with a body", _write(".glb")),
+    Case("bvh", "a BVH of 10 s read", _read_bvh),
+)

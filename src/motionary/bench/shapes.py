@@ -1,0 +1,70 @@
+"""The shapes that the cases run at: the papers' own, and tiny ones that only show that a case runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """Sizes of inputs and models; the defaults are those that the reference figures were measured at.
+
+    Attributes:
+        clip_frames: of the clip whose features are computed.
+        vocabulary: words that models know (about as many as HumanML3D's captions hold).
+        windows, window: tokenizer batch, in windows and frames.
+        width, codes: channels of the tokenizer, and entries of its codebook (of the same dimension).
+        batch: sequences per step of the token models.
+        source: motion tokens that motion2text reads, with start and end.
+        words: words that a caption's decoder predicts, with the end.
+        unrolled: steps that text2token is unrolled for.
+        tokens: motion tokens of a whole motion of 196 frames.
+        transformer_width, layers, feed_forward, heads: of motion2text.
+        text_width, gru_width, word_dim: of text2token; text_width and word_dim also of the evaluator.
+        captions, caption_words: motions captioned by beam search, and words of each.
+        texts: sentences turned into motions.
+        snippet_windows, snippet_window, snippet_width: autoencoder batch, frames, channels.
+        pairs, motion_width, embedding: evaluator batch, motion GRU, dimensions of the common space.
+        items: rows of the features that R-precision and FID are computed of.
+        seconds: length of the motion that is written to files.
+        matmul: rows of the matrices whose product measures the machine.
+    """
+
+    clip_frames: int = 200
+    vocabulary: int = 4000
+    windows: int = 128
+    window: int = 64
+    width: int = 1024
+    codes: int = 1024
+    batch: int = 64
+    source: int = 55
+    words: int = 21
+    unrolled: int = 54
+    tokens: int = 49
+    transformer_width: int = 512
+    layers: int = 4
+    feed_forward: int = 2048
+    heads: int = 8
+    text_width: int = 512
+    gru_width: int = 1024
+    word_dim: int = 300
+    captions: int = 32
+    caption_words: int = 30
+    texts: int = 300
+    snippet_windows: int = 128
+    snippet_window: int = 40
+    snippet_width: int = 512
+    pairs: int = 32
+    motion_width: int = 1024
+    embedding: int = 512
+    items: int = 4000
+    seconds: float = 10.0
+    matmul: int = 1536
+
+
+SMALL = Shapes(
+    clip_frames=40, vocabulary=50, windows=4, window=16, width=16, codes=16, batch=4, source=9, words=6, unrolled=8,
+    tokens=6, transformer_width=16, layers=1, feed_forward=32, heads=2, text_width=8, gru_width=16, word_dim=8,
+    captions=3, caption_words=4, texts=5, snippet_windows=4, snippet_window=16, snippet_width=16, pairs=4,
+    motion_width=8, embedding=12, items=64, seconds=0.5, matmul=64,
+)  # fmt: skip
