@@ -77,6 +77,9 @@ def test_the_objective_is_the_sum_of_equation_7_and_the_control_its_first_term(c
     values = net.validate(batch)
     assert values["loss"].item() == pytest.approx(values["token_nll"].item() + 0.5 * values["caption_nll"].item())
     assert values["loss"].item() == net.validate(batch)["loss"].item()
+    read = control.validate(batch)  # the control is compared by the captions' loss, but never trained by it
+    assert read["loss"].item() == read["token_nll"].item() == pytest.approx(values["token_nll"].item())
+    assert read["caption_nll"].item() == pytest.approx(values["caption_nll"].item())
 
 
 def test_a_share_of_the_batch_can_be_sampled(context):

@@ -82,13 +82,16 @@ class InverseAlignment(Text2Token):
         return total, {**logs, "caption_nll": caption.detach(), "sampled_tokens": length}
 
     def validate(self, batch: Any) -> dict[str, Tensor]:
-        """The tokens' loss and, with fixed noise, the captions'; "loss" is what is trained."""
+        """The tokens' loss and, with fixed noise, the captions'; "loss" is what is trained.
+
+        The control is read too where there is a reader, so that both can be compared by the captions' loss.
+        """
         values = super().validate(batch)
-        if not self.config.alignment:
+        if not self.config.alignment and not self._reader:
             return values
         generator = torch.Generator(batch.clip.device).manual_seed(0)
         caption, _ = self.caption_loss(batch, generator)
-        total = values["loss"] + self.config.caption_weight * caption
+        total = values["loss"] + self.config.caption_weight * caption if self.config.alignment else values["loss"]
         return {"loss": total, "token_nll": values["loss"], "caption_nll": caption}
 
     def caption_loss(self, batch: Any, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -145,8 +148,9 @@ def build(settings: Mapping[str, Any], context: Context, models: Path) -> Invers
     config = InverseAlignmentConfig(**{**dataclasses.asdict(upstream.config), **settings})
     model = InverseAlignment(config, context)
     model.load_state_dict(upstream.state_dict())
-    if config.alignment:
-        model.learn_from(cast(Motion2Text, load_sibling(models, "motion2text")))
+    reader = cast(Motion2Text, load_sibling(models, "motion2text"))
+    if config.alignment or reader.config.tokens:
+        model.learn_from(reader)  # the control is only scored by it
     return model
 
 
