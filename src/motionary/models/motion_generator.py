@@ -1,0 +1,83 @@
+"""Motions from sentences with a trained temporal VAE: lengths, latent draws, decoding."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from motionary.errors import InputError
+from motionary.language import Sentence
+from motionary.models.text2length import Lengths, encode_sentences
+
+if TYPE_CHECKING:
+    from motionary.models.text2motion import Text2Motion
+
+
+class Generator:
+    """Generates motions with a trained :class:`Text2Motion`. Results never depend on the other texts of the call."""
+
+    def __init__(self, model: Text2Motion, lengths: Lengths, chunk: int = 128):
+        self.model, self.lengths, self.chunk = model.eval(), lengths, chunk
+        self.context = model.context
+
+    @torch.no_grad()
+    def generate(
+        self,
+        sentences: Sequence[Sentence],
+        seeds: Sequence[int],
+        frames: Sequence[int] | None = None,
+        temperature: float | None = None,
+        greedy: bool = False,
+        **unused: float,
+    ) -> list[np.ndarray]:
+        """A motion for each sentence.
+
+        Args:
+            sentences: normalized texts.
+            seeds: one per sentence; equal sentence, seed and options give equal motion.
+            frames: lengths to hold; otherwise text2length draws them.
+            temperature: factor on the deviation of the latent draws.
+            greedy: the likeliest length and the mean latent in the place of draws.
+            unused: options of systems that write tokens (top_k, top_p, guidance).
+
+        Returns:
+            raw features (T, D) float32 of each motion, never empty.
+        """
+        if len(seeds) != len(sentences):
+            raise InputError("seeds", len(seeds), f"must be one per sentence, {len(sentences)}")
+        if temperature is not None and not temperature > 0:
+            raise InputError("temperature", temperature, "must be above 0 (for the likeliest motion use greedy)")
+        drawn = self.lengths.sample(sentences, seeds, likeliest=greedy) if frames is None else frames
+        wanted = [int(f) for f in drawn]
+        if len(wanted) != len(sentences) or min(wanted, default=1) < 1:
+            raise InputError("frames", wanted, "must be one positive number per sentence")
+        scale = self.model.config.temperature if temperature is None else temperature
+        results: list[Any] = [None] * len(sentences)
+        # Longest first: motions that are finished leave the batch.
+        order = np.argsort(wanted, kind="stable")[::-1]
+        for start in range(0, len(order), self.chunk):
+            rows = order[start : start + self.chunk].tolist()
+            chosen = [(sentences[i], seeds[i], wanted[i]) for i in rows]
+            for row, motion in zip(rows, self._chunk(chosen, 0.0 if greedy else scale), strict=True):
+                results[row] = motion
+        return results
+
+    def _chunk(self, chosen: list[tuple[Sentence, int, int]], temperature: float) -> list[np.ndarray]:
+        """Motions for (sentence, seed, frames), longest first."""
+        model, device = self.model, self.model.first.device
+        words = encode_sentences(self.context, [sentence for sentence, _, _ in chosen], device)
+        length = torch.tensor([-(-frames // model.stride) for _, _, frames in chosen], device=device)
+        noise = normal_noise([seed for _, seed, _ in chosen], int(length[0]), model.config.latent).to(device)
+        sentence, hidden = model.net.start(*words)
+        codes = model.net.generate(sentence, hidden, model.first, length, noise, temperature)
+        motion = model.decode(codes, length).float().cpu().numpy()
+        return [row[:frames].copy() for row, (_, _, frames) in zip(motion, chosen, strict=True)]
+
+
+def normal_noise(seeds: Sequence[int], steps: int, dim: int) -> torch.Tensor:
+    """(B, steps, dim) float32 standard normal, row i from seeds[i] alone; a longer draw starts with the shorter one."""
+    rows = [np.random.default_rng(int(seed)).standard_normal((steps, dim), dtype=np.float32) for seed in seeds]
+    return torch.from_numpy(np.stack(rows))

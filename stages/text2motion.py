@@ -1,0 +1,37 @@
+"""Trains the temporal VAE from text to motion (thesis 4.2.3)."""
+
+from _project import ROOT  # isort: skip
+import hydra
+
+from motionary.corpus.batches import Pairs
+from motionary.corpus.store import Corpus
+from motionary.language.vectors import word_vectors
+from motionary.models.io import save_model
+from motionary.models.layers import load_word_vectors, seeded
+from motionary.models.text2motion import build
+from motionary.training.run import last_losses, train
+from motionary.training.stage import Stage, run_stage
+
+
+@hydra.main(version_base="1.3", config_path="../conf", config_name="config")
+@run_stage
+def main(config):
+    """data/corpus, models/autoencoder -> models/text2motion, reports/text2motion.json"""
+    with Stage("text2motion", config, ROOT, sections=("language",)) as stage:
+        corpus = Corpus.open(stage.input("data/corpus"))
+        models = stage.input("models/autoencoder").parent
+        settings = stage.training()
+        with seeded(stage.seed):
+            model = build(stage.model(), corpus.context, models)
+            load_word_vectors(model, word_vectors(corpus.context.vocabulary, stage.values["language"]["word_vectors"]))
+        data = Pairs(corpus, "train", **stage.data)
+        validation = Pairs(corpus, "val")
+
+        history = train(stage, model, data, validation, settings, length_sorted=True)
+        with stage.publish("models/text2motion") as folder:
+            save_model(folder, "text2motion", model, corpus.context)
+        stage.report({"training": last_losses(history)})
+
+
+if __name__ == "__main__":
+    main()
