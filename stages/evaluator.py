@@ -1,11 +1,14 @@
 """Trains the contrastive text and motion extractors that judge every system (TM2T Eq. 8)."""
 
 from _project import ROOT  # isort: skip
+from typing import cast
+
 import hydra
 
 from motionary.corpus.batches import Pairs
 from motionary.corpus.store import Corpus
 from motionary.language.vectors import word_vectors
+from motionary.models.autoencoder import Autoencoder
 from motionary.models.evaluator import Evaluator, EvaluatorConfig
 from motionary.models.io import load_model, save_model
 from motionary.models.layers import load_word_vectors, seeded
@@ -19,7 +22,7 @@ def main(config):
     """data/corpus, models/autoencoder -> models/evaluator, reports/evaluator.json"""
     with Stage("evaluator", config, ROOT, sections=("language",)) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        autoencoder = load_model(stage.input("models/autoencoder"))
+        autoencoder = cast(Autoencoder, load_model(stage.input("models/autoencoder")))
         model_config, settings = stage.divide(EvaluatorConfig, Evaluator.upstream(autoencoder))
         with seeded(stage.seed):
             model = Evaluator(model_config, corpus.context).take_snippets(autoencoder)

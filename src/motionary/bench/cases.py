@@ -141,6 +141,8 @@ def _captions(shapes: Shapes) -> Work:
 
     @torch.no_grad()
     def run() -> None:
+        assert batch.tokens is not None
+        assert batch.token_count is not None
         ids, mask = model.token_source(batch.tokens, batch.token_count)
         state = model.start(model.embed(ids), mask)
         beam_search(_Endless(model, END), state, start, END, 2, 1, shapes.caption_words)
@@ -158,7 +160,7 @@ def _generator_settings(shapes: Shapes) -> dict[str, Any]:
 def _text2token(shapes: Shapes) -> Work:
     from motionary.models.text2token import Text2Token, Text2TokenConfig
 
-    forced = {"teacher_forcing_start": 1.0, "teacher_forcing_end": 1.0}
+    forced: dict[str, Any] = {"teacher_forcing_start": 1.0, "teacher_forcing_end": 1.0}
     model = Text2Token(Text2TokenConfig(**_generator_settings(shapes), **forced), make_context(shapes))
     batch = make_batch(
         shapes.batch, words=shapes.words, tokens=shapes.unrolled - 1, codes=shapes.codes, vocabulary=shapes.vocabulary

@@ -15,7 +15,7 @@ from motionary.models.padding import by_length, pad
 KINDS = ("local", "root", "global")
 
 
-def position_report(corpus: Corpus, rows: Sequence[int], decoded: Sequence[np.ndarray]) -> dict[str, Any]:
+def position_report(corpus: Corpus, rows: Sequence[int] | np.ndarray, decoded: Sequence[np.ndarray]) -> dict[str, Any]:
     """Mean per-joint position errors in millimetres, over all windows and by root of the data.
 
     Args:

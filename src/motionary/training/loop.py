@@ -13,7 +13,7 @@ from typing import Any, Protocol, cast
 
 import torch
 from lightning_fabric import Fabric
-from lightning_fabric.strategies import DDPStrategy
+from lightning_fabric.strategies.ddp import DDPStrategy
 from torch import Tensor, nn
 from tqdm import tqdm
 
@@ -206,7 +206,9 @@ class _Run:
         # Early steps average over what there is, as in Adam's bias correction.
         decay = min(self.settings.ema, (1 + self.step) / (10 + self.step))
         trained = self._trained()
-        torch._foreach_lerp_([self.average[name] for name, _ in trained], [p.detach() for _, p in trained], 1 - decay)
+        with torch.no_grad():
+            for name, p in trained:
+                self.average[name].lerp_(p, 1 - decay)
 
     @contextmanager
     def _averaged(self):
