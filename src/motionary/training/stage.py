@@ -51,6 +51,7 @@ class Stage:
         self.data = {key: self.section[key] for key in DATA_KEYS if key in self.section}
         self._sweep = Path(hydra.sweep.dir).resolve() if sweeping else None
         self._inputs: dict[str, Path] = {}
+        self._hashed: tuple[tuple[str, ...], str] | None = None
         self._tracker: Tracker | None = None
 
     # Inputs -----------------------------------------------------------------------------------------------------
@@ -75,10 +76,18 @@ class Stage:
     # Work -------------------------------------------------------------------------------------------------------
 
     @property
+    def inputs_hash(self) -> str:
+        """Hash of the contents of every input asked for so far, read once."""
+        known = tuple(self._inputs)
+        if self._hashed is None or self._hashed[0] != known:
+            self._hashed = known, content_hash(*self._inputs.values())
+        return self._hashed[1]
+
+    @property
     def cache(self) -> Path:
         """Folder for checkpoints of exactly these parameters and inputs, under the real root."""
         own = {name: self.values.get(name) for name in (*self.owned, "seed", "precision")}
-        key = values_hash([own, content_hash(*self._inputs.values()), os.environ.get("WORLD_SIZE", "1")])
+        key = values_hash([own, self.inputs_hash, os.environ.get("WORLD_SIZE", "1")])
         return self.workspace.home / ".cache" / self.name / key[:16]
 
     @property
@@ -89,7 +98,7 @@ class Stage:
                 "dvc.stage": os.environ.get("DVC_STAGE", ""),
                 "dvc.exp_name": os.environ.get("DVC_EXP_NAME", ""),
                 "hash.params": values_hash({name: self.values.get(name) for name in (*self.owned, "seed")}),
-                "hash.inputs": content_hash(*self._inputs.values()),
+                "hash.inputs": self.inputs_hash,
             }
             params = {name: self.values.get(name) for name in (*self.owned, *SHARED)}
             run_name = "-".join(part for part in (self.name, self.label, tags["dvc.exp_name"]) if part)
