@@ -1,0 +1,153 @@
+"""The tables of a study: means over seeds, and paired differences with intervals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motionary.evaluation.plan import Experiment, Study
+from motionary.metrics.intervals import paired_interval
+from motionary.report.results import at
+from motionary.report.table import NONE, Table, show
+
+Runs = Mapping[str, Mapping[str, Mapping[str, float]]]  # experiment -> system -> metric -> value
+
+_REAL = ("Real R@1", "Real R@3")
+_GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", "Oracle", "Caption NLL")
+_CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3")
+_CODES = ("Local MPJPE (mm)", "Codes used")
+_COMPARED = ("R@1", "R@3", "FID", "Oracle", "Caption NLL", "BLEU-4", "Caption R@3")
+
+
+def measured(folder: Path, system: str) -> dict[str, float]:
+    """The main metrics of one system of one experiment, from its reports.
+
+    Args:
+        folder: reports of the experiment (reports/study/<name>).
+        system: whose evaluation is read, beside what the system's and the tokenizer's own stages reported.
+
+    Returns:
+        {metric: value}; what was not measured is absent. Parts of the data are named behind a comma.
+    """
+    scored, own = _read(folder / "evaluation" / f"{system}.json"), _read(folder / f"{system}.json")
+    tokenizer = _read(folder / "tokenizer.json")
+    values: dict[str, Any] = {}
+    for key, prefix, names in (
+        ("text2motion", "", ("r1", "r2", "r3", "fid", "fid_real_halves")),
+        ("motion2text", "Caption ", ("r3",)),
+        ("real", "Real ", ("r1", "r3")),
+    ):
+        for part in at(scored, key) or {}:
+            for name in names:
+                values[_named(prefix + _LABELS[name], part)] = at(scored, key, part, name, "mean")
+    for part in at(scored, "language") or {}:
+        values[_named("BLEU-4", part)] = at(scored, "language", part, "bleu4")
+        values[_named("BLEU-4 raw", part)] = at(scored, "language", part, "raw", "bleu4")
+    values["Named action"] = at(scored, "action", "all", "named")
+    values["Oracle"] = at(scored, "oracle", "prompts", "confirmed")
+    values["Caption NLL"] = at(own, "training", "validation_caption_nll")
+    values["Local MPJPE (mm)"] = at(tokenizer, "positions", "all", "local_mm")
+    values["Codes used"] = at(tokenizer, "codes", "used")
+    return {name: float(value) for name, value in values.items() if value is not None}
+
+
+_LABELS = {"r1": "R@1", "r2": "R@2", "r3": "R@3", "fid": "FID", "fid_real_halves": "FID of two real halves"}
+
+
+def _named(metric: str, part: str) -> str:
+    return metric if part == "all" else f"{metric}, {part}"
+
+
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def comparisons(study: Study, runs: Runs) -> list[dict[str, Any]]:
+    """Paired differences: for each pair of the study and each metric that both have, over their common values.
+
+    Returns:
+        [{"of", "minus", "metric", "pairs", "mean", "half"}]; half is the 95% interval's by Student's t, None for one
+        pair.
+    """
+    out = []
+    for (entry_a, system_a), (entry_b, system_b) in study.compare:
+        a, b = _by_value(study, runs, entry_a, system_a), _by_value(study, runs, entry_b, system_b)
+        common = [value for value in a if value in b]
+        names = dict.fromkeys(name for value in common for name in a[value])
+        for name in names:
+            pairs = [(a[v][name], b[v][name]) for v in common if name in a[v] and name in b[v]]
+            if pairs:
+                found = paired_interval(*np.transpose(pairs))
+                half = None if np.isnan(found.half) else round(found.half, 6)
+                label = {"of": f"{entry_a} {system_a}", "minus": f"{entry_b} {system_b}", "metric": name}
+                out.append({**label, "pairs": len(pairs), "mean": round(found.mean, 6), "half": half})
+    return out
+
+
+def _by_value(study: Study, runs: Runs, entry: str, system: str) -> dict[Any, Mapping[str, float]]:
+    done = [e for e in study.experiments if e.entry == entry and e.name in runs]
+    return {e.value: runs[e.name][system] for e in done}
+
+
+def study_tables(study: Study, runs: Runs, found: Sequence[Mapping[str, Any]]) -> list[Table]:
+    """The tables of what has been run; empty ones are left out."""
+    metrics = {name for run in runs.values() for values in run.values() for name in values}
+    parts = sorted({name.split(", ", 1)[1] for name in metrics if ", " in name})
+    note = "Mean over seeds (or splits) with its 95% interval by Student's t, where there are several."
+
+    def with_parts(names: Sequence[str], *of: str) -> list[str]:
+        return [*names, *(f"{metric}, {part}" for metric in of for part in parts)]
+
+    tables = [
+        _means("Text to motion", note, study, runs, with_parts(_GENERATED, "R@3"), "R@1"),
+        _means("Motion to text", note, study, runs, with_parts(_CAPTIONS, "BLEU-4"), "BLEU-4"),
+        _means("Real motions and the evaluator", note, study, runs, with_parts(_REAL, "Real R@3"), "Real R@1", True),
+        _means("Tokens", note, study, runs, _CODES, "Codes used", True),
+        _differences(found, with_parts(_COMPARED, "R@3")),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def _means(
+    title: str, note: str, study: Study, runs: Runs, names: Sequence[str], needs: str, once: bool = False
+) -> Table:
+    """A row for each system of each entry that measured `needs`; `once`: for one system of each entry."""
+    rows = []
+    for entry in dict.fromkeys(e.entry for e in study.experiments):
+        done = [e for e in study.experiments if e.entry == entry and e.name in runs]
+        systems = [s for s in (done[0].systems if done else ()) if any(needs in runs[e.name][s] for e in done)]
+        for system in systems[:1] if once else systems:
+            cells = [_mean([runs[e.name][system].get(name) for e in done]) for name in names]
+            rows.append([entry if once else f"{entry}: {system}", _values(done), *cells])
+    kept = [i for i in range(2 + len(names)) if i < 2 or any(row[i] != NONE for row in rows)]
+    columns = ["experiment", "runs", *names]
+    return Table(title, [columns[i] for i in kept], [[row[i] for i in kept] for row in rows], note)
+
+
+def _values(done: Sequence[Experiment]) -> str:
+    return ", ".join(str(e.value) for e in done) if done[0].value is not None else "1"
+
+
+def _mean(values: Sequence[float | None]) -> str:
+    known = [value for value in values if value is not None]
+    if not known:
+        return NONE
+    found = paired_interval(known, np.zeros(len(known)))
+    return show({"mean": found.mean, "half": None if np.isnan(found.half) else found.half})
+
+
+def _differences(found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:
+    note = "First minus second with the same seed: mean and 95% interval by Student's t over the seeds."
+    pairs = dict.fromkeys((row["of"], row["minus"]) for row in found)
+    rows = []
+    for of, minus in pairs:
+        of_pair = {row["metric"]: row for row in found if (row["of"], row["minus"]) == (of, minus)}
+        runs = max(row["pairs"] for row in of_pair.values())
+        rows.append([f"{of} - {minus}", str(runs), *(show(of_pair.get(name)) for name in names)])
+    kept = [i for i in range(2 + len(names)) if i < 2 or any(row[i] != NONE for row in rows)]
+    columns = ["difference", "pairs", *names]
+    return Table("Paired differences", [columns[i] for i in kept], [[r[i] for i in kept] for r in rows], note)

@@ -1,0 +1,158 @@
+"""What a study consists of: named experiments, each a set of overrides of the pipeline's configuration."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from motionary.errors import InputError
+from motionary.training.workspace import values_hash
+
+_KEYS = {"why", "set", "vary", "times", "systems"}
+_IRRELEVANT = ("device", "threads", "report", "source")  # change no number of a report
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One run of the pipeline.
+
+    Attributes:
+        name: the entry's name with its varied value; also that of the DVC experiment and of the folder of results.
+        entry: name of the entry in the study.
+        value: of what the entry varies, None where it varies nothing.
+        why: what the entry is for.
+        overrides: as behind ``dvc exp run -S``.
+        systems: to evaluate; only what these need is run.
+        key: hash of the whole composed configuration and the systems: results of another key are out of date.
+    """
+
+    name: str
+    entry: str
+    value: Any
+    why: str
+    overrides: tuple[str, ...]
+    systems: tuple[str, ...]
+    key: str
+
+    def command(self) -> list[str]:
+        """The DVC command that runs it, in a temporary copy, so that the workspace stays as it is."""
+        sets = [part for override in self.overrides for part in ("--set-param", override)]
+        targets = [f"evaluation@{system}" for system in self.systems]
+        return [sys.executable, "-m", "dvc", "exp", "run", "--temp", "--name", self.reference, *sets, *targets]
+
+    def shown(self) -> str:
+        """The command as one would type it."""
+        return shlex.join(["dvc", *self.command()[3:]])
+
+    @property
+    def reference(self) -> str:
+        """Name of the DVC experiment."""
+        return f"study-{self.name}-{self.key[:8]}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """All experiments in the order in which they run, and the pairs of (entry, system) to compare."""
+
+    experiments: tuple[Experiment, ...]
+    compare: tuple[tuple[tuple[str, str], tuple[str, str]], ...]
+
+
+def read_study(root: Path, path: Path, roots: Sequence[str] | None = None) -> Study:
+    """Reads conf/study.yaml.
+
+    Args:
+        root: the project; ``root/conf`` composes every experiment.
+        path: the YAML file: base, roots, experiments and compare.
+        roots: data roots in place of the file's; relative ones start at `root`.
+
+    Raises:
+        InputError: an unreadable file, an unknown key, an override that conf/ does not know, a missing root.
+    """
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        base, entries = list(values["base"]), dict(values["experiments"])
+    except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        raise InputError(path, error, "must be YAML with base, roots, experiments and compare") from None
+    base += _roots_override(root, values.get("roots", []) if roots is None else roots)
+    for name, entry in entries.items():
+        if unknown := set(entry) - _KEYS:
+            raise InputError(f"{path}: {name}", sorted(unknown), f"unknown keys; known are {', '.join(sorted(_KEYS))}")
+        if not entry.get("systems"):
+            raise InputError(f"{path}: {name}.systems", entry.get("systems"), "must name the systems to evaluate")
+        if len(entry.get("vary", {})) > 1:
+            raise InputError(f"{path}: {name}.vary", entry["vary"], "must vary one key")
+    compare = tuple((tuple(a), tuple(b)) for a, b in values.get("compare", []))
+    for entry, system in (side for pair in compare for side in pair):
+        if entry not in entries or system not in entries[entry]["systems"]:
+            raise InputError(f"{path}: compare", [entry, system], "must be an experiment above and one of its systems")
+    rounds = max(len(_variants(entry)) for entry in entries.values())
+    chosen = [
+        _experiment(root, base, name, entry, *_variants(entry)[number])
+        for number in range(rounds)
+        for name, entry in entries.items()
+        if number < len(_variants(entry))
+    ]
+    return Study(tuple(chosen), compare)  # type: ignore[arg-type]
+
+
+def compose(root: Path, overrides: Sequence[str]) -> dict[str, Any]:
+    """The pipeline's configuration with `overrides`, as DVC composes it; InputError names a wrong override."""
+    from hydra import compose as hydra_compose
+    from hydra import initialize_config_dir
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+
+    try:
+        with initialize_config_dir(str((root / "conf").resolve()), version_base="1.3"):
+            config = hydra_compose("config", list(overrides))
+    except HydraException as error:
+        raise InputError("override", " ".join(overrides), str(error).splitlines()[0]) from None
+    return OmegaConf.to_container(config, resolve=True)  # type: ignore[return-value]
+
+
+def _roots_override(root: Path, roots: Sequence[str]) -> list[str]:
+    """Absolute: a temporary copy of the project does not find what lies beside the project."""
+    found = [(root / folder).resolve() for folder in roots]
+    for folder in found:
+        if not folder.is_dir():
+            raise InputError("roots", folder, "must be a folder of motions; give your own with --roots")
+    quoted = ",".join(f"'{folder}'" for folder in found)
+    return [f"data.roots=[{quoted}]"] if found else []
+
+
+def _variants(entry: Mapping[str, Any]) -> list[tuple[str | None, Any]]:
+    """(key, value) of each run of an entry."""
+    return [(key, value) for key, values in entry.get("vary", {}).items() for value in values] or [(None, None)]
+
+
+def _experiment(root: Path, base: list[str], name: str, entry: Mapping[str, Any], key: str | None, value: Any):
+    overrides = [*base, *entry.get("set", [])]
+    if key is not None:
+        overrides.append(f"{key}={value}")
+    config = compose(root, overrides)
+    for scaled, factor in entry.get("times", {}).items():
+        overrides.append(f"{scaled}={round(factor * _at(config, scaled))}")
+    systems = tuple(entry["systems"])
+    if not set(systems) <= set(config["evaluation"]["systems"]):
+        overrides.append(f"evaluation.systems=[{','.join(systems)}]")
+    config = {k: v for k, v in compose(root, overrides).items() if k not in _IRRELEVANT}
+    full = name if key is None else f"{name}-{value}"
+    return Experiment(
+        full, name, value, entry.get("why", ""), tuple(overrides), systems, values_hash([config, sorted(systems)])
+    )
+
+
+def _at(config: Mapping[str, Any], key: str) -> float:
+    value: Any = config
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else None
+    if not isinstance(value, int | float):
+        raise InputError("times", key, "must be a number of the configuration")
+    return value
