@@ -122,7 +122,7 @@ def test_a_sweep_has_a_parent_and_leaves_dvc_status_clean(project):
     assert len(runs) == before + 3
     assert {run.data.params["tokenizer.learning_rate"] for run in children} == {"0.0001", "0.0003"}
     assert len({run.data.tags["mlflow.parentRunId"] for run in children}) == 1
-    assert "up to date" in project.run("dvc", "status", LAST)
+    assert "up to date" in project.run("dvc", "status", "--with-deps", LAST)
     assert len(list(project.root.glob("multirun/*/*/*/models/tokenizer/model.safetensors"))) == 2
 
 
@@ -146,7 +146,7 @@ def test_a_changed_an_added_and_a_removed_clip_are_noticed(project):
     listing = (project.clips / "clips.jsonl").read_text()
     first, *rest = listing.splitlines()
     (project.clips / "clips.jsonl").write_text("\n".join(rest) + "\n")
-    assert f"source@{project.clips}" in project.run("dvc", "status", LAST)
+    assert f"source@{project.clips}" in project.run("dvc", "status", "--with-deps", LAST)
     assert project.ran(project.run("dvc", "repro", "preprocess")) == [f"source@{project.clips}", "preprocess"]
     report = json.loads((project.root / "reports" / "preprocess.json").read_text())
     assert report["read"] == 9
@@ -154,7 +154,7 @@ def test_a_changed_an_added_and_a_removed_clip_are_noticed(project):
     moved = project.clips / json.loads(first)["motion"]
     bytes_before = moved.read_bytes()
     moved.write_bytes(bytes_before + b"x")
-    assert "modified" in project.run("dvc", "status", LAST)
+    assert "modified" in project.run("dvc", "status", "--with-deps", LAST)
     moved.write_bytes(bytes_before)
 
 
