@@ -51,10 +51,9 @@ def read_record(folder: str | Path) -> dict[str, Any]:
         raise InputError(path, "missing", f"must be a trained model; run `dvc repro {Path(folder).name}` first")
     try:
         record = json.loads(path.read_text())
-        record["system"], record["config"], record["context"]
+        return {key: record[key] for key in ("system", "config", "context")}
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(path, error, "must be JSON with system, config and context") from None
-    return record
 
 
 def load_model(folder: str | Path, device: str | torch.device = "cpu") -> nn.Module:

@@ -24,6 +24,9 @@ class Quantizer(nn.Module):
     embedding loss, commitment loss (means over valid steps and dimensions; the embedding loss is zero for `ema`).
     """
 
+    codebook: Tensor
+    counts: Tensor
+    sums: Tensor
     started: Tensor
 
     def __init__(self, codes: int, dim: int, kind: str = "ema", decay: float = 0.99, dead: float = 0.1):
