@@ -16,6 +16,7 @@ def write_params(root: Path, target: Path, overrides: Sequence[str] = ()) -> Non
     """Composes ``root/conf`` with `overrides` into the file `target`, by DVC's own composition."""
     from dvc.utils.hydra import compose_and_dump
 
+    root = root.resolve()
     compose_and_dump(target, str(root / "conf"), None, "config", str(root), list(overrides))
 
 
