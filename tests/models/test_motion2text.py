@@ -14,6 +14,7 @@ from motionary.corpus.context import Context
 from motionary.decoding import beam_search, sample, uniform_noise
 from motionary.errors import InputError
 from motionary.language import END, PAD, START
+from motionary.models.consensus import consensus
 from motionary.models.io import load_model, save_model
 from motionary.models.layers import seeded
 from motionary.models.motion2text import Captioner, Motion2Text, Motion2TextConfig
@@ -161,7 +162,18 @@ def test_captions_do_not_depend_on_the_batch(context, tokens):
     for i, motion in enumerate(motions):
         assert made.caption([motion], beams=3, n=2)[0] == searched[i]
         assert made.caption([motion], n=3, seeds=[4 + i], temperature=1.0)[0] == sampled[i]
+    agreed = made.caption(motions, consensus=6)
+    assert [made.caption([motion], consensus=6)[0] for motion in motions] == agreed
     assert made.caption([]) == []
+
+
+def test_consensus_prefers_the_wording_that_overlaps_with_all_others():
+    samples = ["a man walk forward", "a person walk forward", "a person run forward", "a person walk forward slowly"]
+    ranked = consensus([*samples, "jump", "jump"], samples)
+    assert ranked[0] == "a person walk forward"
+    assert ranked[-1] == "jump"
+    assert len(ranked) == 5
+    assert consensus(["jump"], ["", "walk"]) == ["jump"]
 
 
 def test_bad_motions_are_named(context):

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from motionary.decoding import Sampling, beam_search, sample, uniform_noise
 from motionary.errors import InputError
 from motionary.language import END, PAD, START, UNKNOWN
+from motionary.models.consensus import consensus as agree
 from motionary.models.io import load_sibling, read_record
 from motionary.models.layers import Normalizer, length_mask
 from motionary.models.token_transformer import Cache, TokenTransformer
@@ -36,6 +37,8 @@ class Motion2TextConfig:
         label_smoothing: share of the target's probability spread over all words (0 in the paper).
         token_dropout: share of motion tokens hidden from the encoder while training (0 in the paper).
         most_words: longest caption.
+        consensus: draws per motion, of which that one is the caption which agrees best with all (minimum Bayes risk);
+            0 is beam search alone (the paper's).
     """
 
     codes: int
@@ -48,6 +51,7 @@ class Motion2TextConfig:
     label_smoothing: float = 0.0
     token_dropout: float = 0.0
     most_words: int = 30
+    consensus: int = 0
 
 
 class Motion2Text(nn.Module):
@@ -180,6 +184,7 @@ class Captioner:
         n: int = 1,
         seeds: Sequence[int] | None = None,
         temperature: float | None = None,
+        consensus: int | None = None,
     ) -> list[list[str]]:
         """n captions for each motion.
 
@@ -187,8 +192,9 @@ class Captioner:
             features: raw features (T, D) of each motion.
             beams: of beam search, which is used unless `temperature` is given (TM2T 4.3: 2).
             n: captions per motion, best first.
-            seeds: one per motion; only sampling uses them (0, 1, ... where not given).
+            seeds: one per motion, of whatever is drawn for it (0 where not given).
             temperature: draw the captions at this temperature instead.
+            consensus: draws to choose the caption by, in place of the config's; 0 is beam search alone.
 
         Returns:
             for each motion, its captions: normalized words joined by spaces.
@@ -200,17 +206,24 @@ class Captioner:
                 )
         if n < 1:
             raise InputError("n", n, "must be at least 1")
-        seeds = list(range(len(features))) if seeds is None else seeds
+        seeds = [0] * len(features) if seeds is None else seeds
+        consensus = self.model.config.consensus if consensus is None else consensus
         # Similar lengths share a chunk, so little is padded.
         order = np.argsort([len(array) for array in features], kind="stable")
+        draws = n if temperature is not None else consensus
+        chunk = max(1, min(self.chunk, 4 * self.chunk // max(1, draws)))
         results: list[list[str]] = [[] for _ in features]
-        for first in range(0, len(order), self.chunk):
-            chosen = order[first : first + self.chunk]
+        for first in range(0, len(order), chunk):
+            chosen = order[first : first + chunk]
             source, mask = self._source([features[i] for i in chosen])
-            if temperature is None:
-                captions = self._search(source, mask, beams, n)
+            own = [seeds[i] for i in chosen]
+            if temperature is not None:
+                captions = self._sample(source, mask, own, n, temperature)
             else:
-                captions = self._sample(source, mask, [seeds[i] for i in chosen], n, temperature)
+                captions = self._search(source, mask, beams, n if not consensus else max(beams, n))
+            if consensus and temperature is None:
+                drawn = self._sample(source, mask, own, consensus, 1.0)
+                captions = [agree([*best, *more], more)[:n] for best, more in zip(captions, drawn, strict=True)]
             for i, caption in zip(chosen, captions, strict=True):
                 results[i] = caption
         return results
