@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 import sys
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -84,18 +87,29 @@ def test_only_what_an_experiment_evaluates_is_run(repository, shipped):
 
 
 def test_dry_prints_commands_that_a_shell_reads_back(repository, tmp_path, monkeypatch, capsys):
-    import shlex
-
     monkeypatch.chdir(repository)
     root = tmp_path / "my clips"
     root.mkdir()
-    assert runner.main(["--dry", "--again", "--only", "control_time-2,splits", "--roots", str(root)]) == 0
-    lines = [shlex.split(line) for line in capsys.readouterr().out.splitlines()]
-    assert len(lines) == 4
-    assert all(line[:4] == ["dvc", "exp", "run", "--temp"] for line in lines)
-    control = next(line for line in lines if "study-control_time-2" in line[5])
-    assert f"data.roots=['{root}']" in control
-    assert control[-1] == "evaluation@inverse_alignment"
+    entry = {"set": ["inverse_alignment.alignment=false"], "times": {"inverse_alignment.steps": 0.5}}
+    entry |= {"vary": {"seed": [3, 4]}, "systems": ["inverse_alignment"]}
+    values = {"base": ["data=folder"], "roots": [], "experiments": {"short": entry}}
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(values))
+    arguments = ["--dry", "--only", "short-4", "--roots", str(root), "--study", str(tmp_path / "study.yaml")]
+    assert runner.main(arguments) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    words = shlex.split(line)
+    assert words[:5] == ["dvc", "exp", "run", "--temp", "--name"]
+    assert words[5].startswith("study-short-4-")
+    assert [w for before, w in pairwise(words) if before == "--set-param"] == [
+        "data=folder",
+        f"data.roots=['{root}']",
+        "inverse_alignment.alignment=false",
+        "seed=4",
+        f"inverse_alignment.steps={round(0.5 * compose(repository, [])['inverse_alignment']['steps'])}",
+    ]
+    assert words[-1] == "evaluation@inverse_alignment"
+    assert runner.main([*arguments[:2], "tall", *arguments[3:]]) == 2
+    assert "--only: tall: must be among short" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -146,7 +160,7 @@ def fill(root: Path, experiment, shift: float) -> None:
     runner.collect(root, experiment, paths, lambda path: (source / path).read_text())
 
 
-def test_done_means_the_same_configuration(repository, shipped, tmp_path):
+def test_done_means_the_same_configuration(shipped, tmp_path):
     first, second = of_entry(shipped, "main")[:2]
     assert not runner.is_done(tmp_path, first)
     fill(tmp_path, first, 0.0)
@@ -154,8 +168,7 @@ def test_done_means_the_same_configuration(repository, shipped, tmp_path):
     assert not runner.is_done(tmp_path, second)
     (tmp_path / runner.FOLDER / second.name).mkdir()
     assert not runner.is_done(tmp_path, second), "a folder without a record is a killed one"
-    other = read_study(repository, repository / "conf/study.yaml", [str(tmp_path)]).experiments[0]
-    assert not runner.is_done(tmp_path, other), "other data roots, other results"
+    assert not runner.is_done(tmp_path, replace(first, key=second.key)), "another configuration, other results"
 
 
 def test_nothing_half_collected_stays(shipped, tmp_path):

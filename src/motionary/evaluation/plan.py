@@ -138,21 +138,26 @@ def _experiment(root: Path, base: list[str], name: str, entry: Mapping[str, Any]
         overrides.append(f"{key}={value}")
     config = compose(root, overrides)
     for scaled, factor in entry.get("times", {}).items():
-        overrides.append(f"{scaled}={round(factor * _at(config, scaled))}")
+        section, last = _place(config, scaled)
+        section[last] = round(factor * section[last])
+        overrides.append(f"{scaled}={section[last]}")
     systems = tuple(entry["systems"])
     if not set(systems) <= set(config["evaluation"]["systems"]):
+        config["evaluation"]["systems"] = list(systems)
         overrides.append(f"evaluation.systems=[{','.join(systems)}]")
-    config = {k: v for k, v in compose(root, overrides).items() if k not in _IRRELEVANT}
+    config = {k: v for k, v in config.items() if k not in _IRRELEVANT}
     full = name if key is None else f"{name}-{value}"
     return Experiment(
         full, name, value, entry.get("why", ""), tuple(overrides), systems, values_hash([config, sorted(systems)])
     )
 
 
-def _at(config: Mapping[str, Any], key: str) -> float:
-    value: Any = config
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, Mapping) else None
-    if not isinstance(value, int | float):
+def _place(config: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
+    """The section that holds the number named by a dotted key, and its own name there."""
+    *path, last = key.split(".")
+    section: Any = config
+    for part in path:
+        section = section.get(part) if isinstance(section, dict) else None
+    if not isinstance(section, dict) or not isinstance(section.get(last), int | float):
         raise InputError("times", key, "must be a number of the configuration")
-    return value
+    return section, last
