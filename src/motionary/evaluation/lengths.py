@@ -41,7 +41,7 @@ def score_lengths(lengths: Lengths, corpus: Corpus, split: str = "test") -> dict
     }
 
 
-def predicted(lengths: Lengths, corpus: Corpus, captions: Sequence[int], batch: int = 256) -> np.ndarray:
+def predicted(lengths: Lengths, corpus: Corpus, captions: Sequence[int] | np.ndarray, batch: int = 256) -> np.ndarray:
     """(N, T_max) distributions for caption rows."""
     sentences = [sentence_of(corpus, caption) for caption in captions]
     parts = [lengths.distribution(sentences[i : i + batch]) for i in range(0, len(sentences), batch)]

@@ -87,7 +87,7 @@ def experiment_reader(root: Path, experiment: Experiment) -> Callable[[str], str
     from dvc.api import DVCFileSystem
 
     files = DVCFileSystem(str(root), rev=experiment.reference)
-    return lambda path: files.read_text(path, encoding="utf-8")
+    return lambda path: str(files.read_text(path, encoding="utf-8"))
 
 
 def collect(root: Path, experiment: Experiment, reports: Sequence[str], read: Callable[[str], str]) -> None:

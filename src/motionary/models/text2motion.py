@@ -184,9 +184,10 @@ class Text2Motion(nn.Module):
         sentence, hidden = self.net.start(words, batch.tags, batch.word_count)
         made = self.net.unroll(sentence, hidden, targets, self.first, length, forced, noise)
         terms = self._terms(made, targets, count, batch.motion)
-        loss = sum(weight * value for weight, value in terms.values())
+        loss = torch.stack([weight * value for weight, value in terms.values()]).sum()
         logs = {name: value.detach() for name, (_, value) in terms.items()}
-        logs["reconstruction"] = sum(weight * value for name, (weight, value) in terms.items() if name != "kl").detach()
+        parts = [weight * value for name, (weight, value) in terms.items() if name != "kl"]
+        logs["reconstruction"] = torch.stack(parts).sum().detach()
         return loss, {**logs, "codes": self.curriculum.codes.float()}
 
     def _terms(self, made: Unroll, targets: Tensor, count: Tensor, motion: Tensor) -> dict[str, tuple[float, Tensor]]:
