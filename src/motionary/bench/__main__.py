@@ -83,6 +83,12 @@ def _note(found: dict[str, Any]) -> str:
     return found.get("failed") or found["note"]
 
 
+def _brief(found: dict[str, Any]) -> str:
+    if "seconds" not in found:
+        return found["verdict"]
+    return f"{clock(found['seconds'])} {found['verdict'] or ''} {found['memory'] / 2**20:.0f} MB {found['note']}"
+
+
 def _chosen(only: str | None) -> list[Case]:
     if only is None:
         return list(CASES)
@@ -119,6 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for case in bar:
         bar.set_description(case.name)
         rows.append(row(case, in_child(case.name, options.small, options.repeats)))
+        bar.write(f"{case.name}: {_brief(rows[-1])}", file=sys.stderr)  # a run that is stopped has shown what it has
     print(json.dumps({"matmul_flops_per_second": rate, "cases": rows}, indent=1) if options.json else table(rows, rate))
     return int(any(found["verdict"] == "failed" for found in rows))
 
