@@ -59,7 +59,7 @@ def test_what_the_issue_asks_for_is_there(repository, shipped):
     assert values("gradient_codebook", "tokenizer.quantizer") == ["gradient"]
     assert values("margin_evaluator", "evaluator.objective") == ["margin"]
     steps = values("main", "inverse_alignment.steps")
-    for control, factor in (("control_updates", 1.0), ("control_time", 4.6)):
+    for control, factor in (("control_updates", 1.0), ("control_time", 3.5)):
         assert values(control, "inverse_alignment.alignment") == [False] * 3
         assert values(control, "seed") == [0, 1, 2]
         assert values(control, "inverse_alignment.steps") == [round(factor * n) for n in steps]
