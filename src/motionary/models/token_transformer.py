@@ -40,9 +40,15 @@ class Attention(nn.Module):
         return x.unflatten(-1, (self.heads, -1)).transpose(1, 2)
 
 
-def feed_forward(width: int, inner: int) -> nn.Sequential:
-    """Two linear layers around a ReLU."""
-    return nn.Sequential(nn.Linear(width, inner), nn.ReLU(inplace=True), nn.Linear(inner, width))
+class FeedForward(nn.Sequential):
+    """Two linear layers around a ReLU, on (B, T, d)."""
+
+    def __init__(self, width: int, inner: int):
+        super().__init__(nn.Linear(width, inner), nn.ReLU(inplace=True), nn.Linear(inner, width))
+
+    def forward(self, x: Tensor) -> Tensor:  # type: ignore[override]
+        # Flat: a linear layer's output on three dimensions is a view, and changing a view in place costs copies.
+        return super().forward(x.flatten(0, -2)).view(x.shape)
 
 
 class EncoderLayer(nn.Module):
@@ -51,7 +57,7 @@ class EncoderLayer(nn.Module):
     def __init__(self, width: int, heads: int, inner: int, dropout: float):
         super().__init__()
         self.attention = Attention(width, heads)
-        self.forward_part = feed_forward(width, inner)
+        self.forward_part = FeedForward(width, inner)
         self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(2))
         self.dropout = nn.Dropout(dropout)
 
@@ -68,7 +74,7 @@ class DecoderLayer(nn.Module):
         super().__init__()
         self.attention = Attention(width, heads)
         self.source_attention = Attention(width, heads)
-        self.forward_part = feed_forward(width, inner)
+        self.forward_part = FeedForward(width, inner)
         self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
         self.dropout = nn.Dropout(dropout)
 
