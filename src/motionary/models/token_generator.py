@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from motionary.models.tokenizer import Tokenizer
 
 
+# Motions decoded at once: in larger batches the decoder's frames no longer fit a CPU's cache. Tokens are drawn for
+# many more at once, since their matrix products have only one row per motion.
+DECODED = 32
 OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")
 
 
@@ -54,7 +57,7 @@ class Guided:
 class Generator:
     """Generates motions with a trained :class:`Text2Token`. Results never depend on the other texts of the call."""
 
-    def __init__(self, model: Text2Token, tokenizer: Tokenizer, chunk: int = 128):
+    def __init__(self, model: Text2Token, tokenizer: Tokenizer, chunk: int = 512):
         self.model, self.tokenizer, self.chunk = model.eval(), tokenizer, chunk
         self.context = model.context
 
@@ -133,9 +136,14 @@ class Generator:
         unit = self.context.unit
         lengths = None if frames is None else [-(-f // unit) for f in frames]
         tokens, count = self.tokens(sentences, seeds, lengths, **options)
-        motion = self.tokenizer.decode(tokens, count).float().cpu().numpy()
         ends = (count * unit).tolist() if frames is None else frames
-        return [row[:end].copy() for row, end in zip(motion, ends, strict=True)]
+        motions: list[np.ndarray] = [np.zeros(0)] * len(sentences)
+        for rows in count.argsort(stable=True).split(DECODED):
+            longest = int(count[rows].max())
+            decoded = self.tokenizer.decode(tokens[rows, :longest], count[rows]).float().cpu().numpy()
+            for row, motion in zip(rows.tolist(), decoded, strict=True):
+                motions[row] = motion[: ends[row]].copy()
+        return motions
 
 
 def _encode(context: Context, sentences: Sequence[Sentence], device) -> tuple[Tensor, Tensor, Tensor]:
