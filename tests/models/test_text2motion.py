@@ -21,7 +21,8 @@ from motionary.models.temporal_vae import Gaussian, divergence, time_to_arrival
 from motionary.models.text2length import Lengths, Text2Length, Text2LengthConfig
 from motionary.models.text2motion import Text2Motion, Text2MotionConfig, build, open_generator
 from motionary.models.unrolled import Unrolled, UnrolledGRU
-from motionary.training.loop import fit, make_fabric
+from motionary.training.devices import make_fabric
+from motionary.training.loop import fit
 from motionary.training.settings import TrainSettings
 
 SMALL = {

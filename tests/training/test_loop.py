@@ -11,7 +11,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from toy import Numbers, Regression, batches, settings
 
 from motionary.corpus.batches import Batches
-from motionary.training.loop import fit, make_fabric, rate, validate
+from motionary.training.devices import make_fabric
+from motionary.training.loop import fit, rate, validate
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,8 @@ from safetensors.torch import save_file
 from torch import nn
 
 from motionary.corpus.batches import Batch, Batches
-from motionary.training.loop import fit, make_fabric
+from motionary.training.devices import make_fabric
+from motionary.training.loop import fit
 from motionary.training.settings import TrainSettings
 
 

@@ -103,10 +103,12 @@ class Context:
             raise InputError("context", error.args[0], "key is missing; was this file written by preprocess?") from None
 
     def save(self, path: str | Path) -> None:
+        """Writes the context as JSON."""
         Path(path).write_text(json.dumps(self.to_json()) + "\n", encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | Path) -> Context:
+        """Reads what :meth:`save` wrote; anything else is an InputError."""
         try:
             return cls.from_json(json.loads(Path(path).read_text(encoding="utf-8")))
         except (OSError, json.JSONDecodeError) as error:

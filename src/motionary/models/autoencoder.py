@@ -116,9 +116,11 @@ class Autoencoder(nn.Module):
         self.register_buffer("weights", weights, persistent=False)
 
     def encode(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
+        """Snippet codes of raw features, zero beyond an item's frames."""
         return self.encoder(raw, frames)
 
     def decode(self, codes: Tensor, count: Tensor | None = None) -> Tensor:
+        """Raw features of snippet codes."""
         return self.encoder.normalizer.inverse(self.decoder(codes, count))
 
     def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:

@@ -92,10 +92,12 @@ class Evaluator(nn.Module):
         return self
 
     def embed_text(self, ids: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
+        """Features of sentences."""
         _, sentence = self.text(ids, tags if self.config.tags else None, count)
         return self._place(self.text_head(self.dropout(sentence)))
 
     def embed_motion(self, raw: Tensor, frames: Tensor) -> Tensor:
+        """Features of motions of at least one unit; shorter ones are an InputError."""
         if int(frames.min()) < UNIT:
             raise InputError("frames", int(frames.min()), f"a motion needs at least {UNIT} frames")
         with torch.no_grad():

@@ -41,17 +41,11 @@ class Judge:
     @torch.no_grad()
     def sentences(self, sentences: Sequence[Sentence]) -> np.ndarray:
         """(N, E) features of annotated sentences."""
-        encoded = [self.context.vocabulary.encode(sentence) for sentence in sentences]
         out = []
-        for rows in by_length([len(ids) for ids, _ in encoded], 4 * self.batch_size):
-            count = torch.tensor([len(encoded[i][0]) for i in rows])
-            width = int(count.max())
-            ids, tags = torch.zeros(len(rows), width).long(), torch.zeros(len(rows), width).long()
-            for place, i in enumerate(rows):
-                ids[place, : count[place]] = torch.as_tensor(np.asarray(encoded[i][0]))
-                tags[place, : count[place]] = torch.as_tensor(np.asarray(encoded[i][1]))
-            embedded = self.model.embed_text(ids.to(self.device), tags.to(self.device), count.to(self.device))
-            out.append((rows, embedded.cpu().numpy()))
+        for rows in by_length([len(sentence.words) for sentence in sentences], 4 * self.batch_size):
+            arrays = self.context.vocabulary.encode_batch([sentences[i] for i in rows])
+            words, tags, count = (torch.from_numpy(array).to(self.device) for array in arrays)
+            out.append((rows, self.model.embed_text(words, tags, count).cpu().numpy()))
         return _collect(out)
 
 

@@ -10,7 +10,8 @@ import torch
 
 from motionary.errors import InputError
 from motionary.language import Sentence
-from motionary.models.text2length import Lengths, encode_sentences
+from motionary.models.sentences import check_frames, check_seeds, encode_sentences
+from motionary.models.text2length import Lengths
 
 if TYPE_CHECKING:
     from motionary.models.text2motion import Text2Motion
@@ -46,14 +47,11 @@ class Generator:
         Returns:
             raw features (T, D) float32 of each motion, never empty.
         """
-        if len(seeds) != len(sentences):
-            raise InputError("seeds", len(seeds), f"must be one per sentence, {len(sentences)}")
+        check_seeds(sentences, seeds)
         if temperature is not None and not temperature > 0:
             raise InputError("temperature", temperature, "must be above 0 (for the likeliest motion use greedy)")
         drawn = self.lengths.sample(sentences, seeds, likeliest=greedy) if frames is None else frames
-        wanted = [int(f) for f in drawn]
-        if len(wanted) != len(sentences) or min(wanted, default=1) < 1:
-            raise InputError("frames", wanted, "must be one positive number per sentence")
+        wanted = check_frames(sentences, drawn)
         scale = self.model.config.temperature if temperature is None else temperature
         results: list[Any] = [None] * len(sentences)
         # Longest first: motions that are finished leave the batch.

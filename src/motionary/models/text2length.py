@@ -17,6 +17,7 @@ from motionary.errors import InputError
 from motionary.language import END, UNKNOWN, Sentence
 from motionary.models.io import load_sibling
 from motionary.models.layers import TextEncoder
+from motionary.models.sentences import encode_sentences
 
 if TYPE_CHECKING:
     from motionary.corpus.context import Context
@@ -140,14 +141,6 @@ def hide_words(words: Tensor, share: float, generator: torch.Generator) -> Tenso
         return words
     hidden = torch.rand(words.shape, generator=generator, device=words.device) < share
     return words.masked_fill(hidden & (words > END), UNKNOWN)
-
-
-def encode_sentences(context: Context, sentences: Sequence[Sentence], device: Any) -> tuple[Tensor, Tensor, Tensor]:
-    """Word ids and tags (B, N) and counts (B,) on a device, typos corrected."""
-    vocabulary = context.vocabulary
-    arrays = vocabulary.encode_batch([vocabulary.correct(sentence) for sentence in sentences])
-    words, tags, count = (torch.from_numpy(array).to(device) for array in arrays)
-    return words, tags, count
 
 
 MODEL, CONFIG = Text2Length, Text2LengthConfig

@@ -143,11 +143,13 @@ class Text2Motion(nn.Module):
 
     @torch.no_grad()
     def encode(self, raw: Tensor, frames: Tensor) -> Tensor:
+        """Snippet codes of raw features (without snippets: the normalized features themselves)."""
         if self.decoder is None:
             return self.encoder.normalizer(raw)
         return self.encoder(raw, frames)
 
     def decode(self, codes: Tensor, count: Tensor | None = None) -> Tensor:
+        """Raw features of what :meth:`encode` gave."""
         return self.encoder.normalizer.inverse(codes if self.decoder is None else self.decoder(codes, count))
 
     def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:

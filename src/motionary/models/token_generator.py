@@ -12,9 +12,9 @@ from torch import Tensor
 from motionary.decoding import Decoder, Sampling, sample, uniform_noise
 from motionary.errors import InputError
 from motionary.language import Sentence
+from motionary.models.sentences import check_frames, check_seeds, encode_sentences
 
 if TYPE_CHECKING:
-    from motionary.corpus.context import Context
     from motionary.models.text2token import Text2Token
     from motionary.models.tokenizer import Tokenizer
 
@@ -81,9 +81,7 @@ class Generator:
             raw features (T, D) float32 of each motion, never empty.
         """
         results: list[np.ndarray] = []
-        wanted = None if frames is None else [int(f) for f in frames]
-        if wanted is not None and (len(wanted) != len(sentences) or min(wanted, default=1) < 1):
-            raise InputError("frames", wanted, "must be one positive number per sentence")
+        wanted = None if frames is None else check_frames(sentences, frames)
         for option in options:
             if option not in OPTIONS:
                 raise InputError(option, options[option], f"unknown option; known are {', '.join(OPTIONS)}")
@@ -107,8 +105,7 @@ class Generator:
         """Motion tokens (B, S), padded with 0, and counts (B,); `lengths` (in tokens) forces the counts."""
         model, config = self.model, self.model.config
         device = next(model.parameters()).device
-        if len(seeds) != len(sentences):
-            raise InputError("seeds", len(seeds), f"must be one per sentence, {len(sentences)}")
+        check_seeds(sentences, seeds)
         chosen = Sampling(
             config.temperature if temperature is None else temperature,
             config.top_k if top_k is None else top_k,
@@ -118,7 +115,7 @@ class Generator:
         guidance = config.guidance if guidance is None else guidance
         if guidance != 1 and not config.text_dropout:
             raise InputError("guidance", guidance, "must be 1: this model was trained without text_dropout")
-        words = _encode(self.context, sentences, device)
+        words = encode_sentences(self.context, sentences, device)
         decoder: Decoder = model.net
         state: Any = model.net.start(*words)
         if guidance != 1:
@@ -144,11 +141,3 @@ class Generator:
             for row, motion in zip(rows.tolist(), decoded, strict=True):
                 motions[row] = motion[: ends[row]].copy()
         return motions
-
-
-def _encode(context: Context, sentences: Sequence[Sentence], device) -> tuple[Tensor, Tensor, Tensor]:
-    """Word ids and tags (B, N) and counts (B,), typos corrected."""
-    vocabulary = context.vocabulary
-    arrays = vocabulary.encode_batch([vocabulary.correct(sentence) for sentence in sentences])
-    ids, tags, count = (torch.from_numpy(array).to(device) for array in arrays)
-    return ids, tags, count

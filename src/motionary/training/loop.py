@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +12,6 @@ from typing import Any, Protocol, cast
 
 import torch
 from lightning_fabric import Fabric
-from lightning_fabric.strategies.ddp import DDPStrategy
 from torch import Tensor, nn
 from tqdm import tqdm
 
@@ -45,33 +43,6 @@ class History:
     seconds: float = 0.0
 
 
-def make_fabric(device: str = "auto", precision: str = "auto") -> Fabric:
-    """A Fabric for this process; under ``torchrun`` it joins the distributed job.
-
-    Args:
-        device: "auto", "cpu", "cuda" or "mps".
-        precision: "auto" (bf16 mixed on CUDA, else 32-bit) or any precision that Fabric names.
-    """
-    cuda = device in ("auto", "cuda") and torch.cuda.is_available()
-    if precision == "auto":
-        precision = "bf16-mixed" if cuda else "32-true"
-    world = int(os.environ.get("WORLD_SIZE", "1"))
-    accelerator = cast(Any, "cuda" if cuda else "cpu" if device == "auto" else device)
-    if world == 1:
-        return Fabric(accelerator=accelerator, devices=1, precision=cast(Any, precision))
-    strategy = DDPStrategy(find_unused_parameters=True, process_group_backend="nccl" if cuda else "gloo")
-    local = int(os.environ.get("LOCAL_WORLD_SIZE", world))
-    fabric = Fabric(
-        accelerator=accelerator,
-        devices=local,
-        num_nodes=world // local,
-        strategy=strategy,
-        precision=cast(Any, precision),
-    )
-    fabric.launch()
-    return fabric
-
-
 def rate(settings: TrainSettings, step: int) -> float:
     """Factor on the peak learning rate at `step`: linear warm-up, then constant or cosine to a hundredth."""
     if step < settings.warmup:
@@ -101,7 +72,7 @@ def fit(
         train: batches of this process; every epoch and step is a pure function of the seed.
         validation: batches for :meth:`validate`, or None.
         settings: see :class:`TrainSettings`.
-        fabric: devices and precision, from :func:`make_fabric`.
+        fabric: devices and precision, from :func:`motionary.training.devices.make_fabric`.
         checkpoint: file to resume from where it exists and to write to; None keeps no checkpoint.
         seed: of dropout and sampling inside the loss.
         log: called with (step, values) for every logged row.

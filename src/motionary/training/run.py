@@ -9,7 +9,8 @@ import torch
 
 from motionary.corpus.batches import Batches, Dataset
 from motionary.training.curves import draw_curves, write_curves
-from motionary.training.loop import History, fit, make_fabric
+from motionary.training.devices import make_fabric
+from motionary.training.loop import History, fit
 from motionary.training.settings import TrainSettings
 from motionary.training.stage import Stage
 

@@ -1,0 +1,37 @@
+"""Devices, precision and distributed training, through Lightning Fabric."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, cast
+
+import torch
+from lightning_fabric import Fabric
+from lightning_fabric.strategies.ddp import DDPStrategy
+
+
+def make_fabric(device: str = "auto", precision: str = "auto") -> Fabric:
+    """A Fabric for this process; under ``torchrun`` it joins the distributed job.
+
+    Args:
+        device: "auto", "cpu", "cuda" or "mps".
+        precision: "auto" (bf16 mixed on CUDA, else 32-bit) or any precision that Fabric names.
+    """
+    cuda = device in ("auto", "cuda") and torch.cuda.is_available()
+    if precision == "auto":
+        precision = "bf16-mixed" if cuda else "32-true"
+    world = int(os.environ.get("WORLD_SIZE", "1"))
+    accelerator = cast(Any, "cuda" if cuda else "cpu" if device == "auto" else device)
+    if world == 1:
+        return Fabric(accelerator=accelerator, devices=1, precision=cast(Any, precision))
+    strategy = DDPStrategy(find_unused_parameters=True, process_group_backend="nccl" if cuda else "gloo")
+    local = int(os.environ.get("LOCAL_WORLD_SIZE", world))
+    fabric = Fabric(
+        accelerator=accelerator,
+        devices=local,
+        num_nodes=world // local,
+        strategy=strategy,
+        precision=cast(Any, precision),
+    )
+    fabric.launch()
+    return fabric
