@@ -147,7 +147,8 @@ class _Build:
                 "split": split,
                 "subject": clip.subject,
                 "style": clip.style,
-                "action": clip.action,
+                # A wave with the left hand, mirrored, is one with the right.
+                "action": mirror_text(clip.action) if mirrored and not clip.mirrored else clip.action,
                 "mirrored": mirrored,
                 "origin": clip.origin,
                 "start": window.start,
