@@ -57,6 +57,18 @@ def test_cells_leave_training_whole_and_stay_known_elsewhere():
         assert sum(a == action for _, a in trained) >= 2
 
 
+def test_mirrored_copies_of_what_is_held_out_do_not_train():
+    """A mirrored copy lies in the mirrored action's cell; where its source is held out, it is left out all the same."""
+    corpus = labels(CELLS)
+    swapped = {"a0": "a1", "a1": "a0"}
+    names = [swapped.get(a, a) if flip else a for a, flip in zip(
+        (corpus.context.actions[i] for i in corpus.action_ids), corpus.clips.mirrored, strict=True)]  # fmt: skip
+    corpus.action_ids = np.array([corpus.context.actions.index(name) for name in names])
+    for seed in range(4):
+        split = style_split(corpus, 0.25, 10, seed)  # type: ignore[arg-type]
+        assert not {*corpus.clips.origin[split.test]} & {*corpus.clips.origin[np.r_[split.train, split.validation]]}
+
+
 def test_seed_decides():
     """Equal seeds repeat, another seed holds out other cells, and the order of the clips does not matter."""
     first, again, other = (style_split(labels(CELLS), 0.25, 10, seed).cells for seed in (0, 0, 1))  # type: ignore

@@ -22,7 +22,7 @@ class StyleSplit:
         styles, actions: label names; a label id is a position in them.
         scored: ids of the styles with enough clips to be scored; the others only train.
         cells: held-out (style id, action id) pairs.
-        train: rows that anything may train on: of split "train", in no held-out cell, mirrored copies too.
+        train: rows that anything may train on: of split "train", in no held-out cell and no copy of what is in one.
         labeled: those of `train` with a style label.
         validation: rows of split "val" in no held-out cell.
         test: unmirrored rows of the held-out cells, of any split of the corpus: nothing is trained on them.
@@ -69,6 +69,9 @@ def style_split(corpus: Corpus, held_out: float = 0.2, scored_clips: int = 100, 
     for style, action in cells:
         held[style, action] = True
     inside = held[styles, actions]  # an unknown label, -1, reads the last row or column, which is empty
+    test = inside & ~clips.mirrored
+    # The mirrored copy of a held-out wave with the left hand is one with the right: its cell may train, but not it.
+    inside |= np.isin(clips.origin, clips.origin[test])
     train = (clips.split == "train") & ~inside
     return StyleSplit(
         styles=corpus.context.styles,
@@ -78,7 +81,7 @@ def style_split(corpus: Corpus, held_out: float = 0.2, scored_clips: int = 100, 
         train=np.flatnonzero(train),
         labeled=np.flatnonzero(train & (styles >= 0)),
         validation=np.flatnonzero((clips.split == "val") & ~inside),
-        test=np.flatnonzero(inside & ~clips.mirrored),
+        test=np.flatnonzero(test),
         unseen=np.flatnonzero((clips.split == "test") & (styles < 0) & ~clips.mirrored),
     )
 
