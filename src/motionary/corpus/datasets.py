@@ -61,7 +61,7 @@ class Windows:
         rows, count, start = self.rows[indices], self.lengths[indices], self.starts[indices]
         if self.random:
             start = rng.integers(0, self.corpus.clips.length[rows] - count + 1)
-        motion = _gather(self.corpus.frames, self.corpus.clips.offset[rows] + start, count, self.window)
+        motion = gather(self.corpus.frames, self.corpus.clips.offset[rows] + start, count, self.window)
         return Batch(
             clip=_long(rows), motion=torch.from_numpy(motion), frames=_long(count), **_labels(self.corpus, rows)
         )
@@ -143,10 +143,10 @@ class Pairs:
         )
         if self.with_motion:
             offset = self.corpus.clips.offset[rows] + start
-            batch.motion = torch.from_numpy(_gather(self.corpus.frames, offset, count, int(count.max())))
+            batch.motion = torch.from_numpy(gather(self.corpus.frames, offset, count, int(count.max())))
         if self.tokens is not None:
             offset = self.tokens.offsets[rows] + start // unit
-            tokens = _gather(self.tokens.tokens, offset, count // unit, int(count.max()) // unit)
+            tokens = gather(self.tokens.tokens, offset, count // unit, int(count.max()) // unit)
             batch.tokens, batch.token_count = _long(tokens), _long(count // unit)
         return batch
 
@@ -189,7 +189,7 @@ def _encode(corpus: Corpus, max_words: int) -> tuple[np.ndarray, np.ndarray, np.
     return words, tags, counts
 
 
-def _gather(values: np.ndarray, offset: np.ndarray, count: np.ndarray, length: int) -> np.ndarray:
+def gather(values: np.ndarray, offset: np.ndarray, count: np.ndarray, length: int) -> np.ndarray:
     """(B, length, ...) stretches of `values` from `offset`, zero beyond `count`."""
     step = np.arange(length)
     # Padding re-reads the first frame of the stretch (always a valid index), then is zeroed.
