@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from motionary.metrics.classification import accuracy, macro_accuracy
     from motionary.metrics.distribution import diversity, frechet_distance, halves_distance, multimodality
     from motionary.metrics.intervals import Interval, interval, paired_bootstrap, paired_interval
     from motionary.metrics.language import bert_score, bleu, caption_scores, cider, rouge_l
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Interval",
     "PositionErrors",
+    "accuracy",
     "average_position_error",
     "average_variance_error",
     "bert_score",
@@ -40,6 +42,7 @@ __all__ = [
     "halves_distance",
     "interval",
     "jitter",
+    "macro_accuracy",
     "mpjpe",
     "multimodal_distance",
     "multimodality",
@@ -50,8 +53,9 @@ __all__ = [
     "r_precision",
     "rouge_l",
 ]
-_PARTS = ("distribution", "intervals", "language", "oracle", "physics", "position", "retrieval")
+_PARTS = ("classification", "distribution", "intervals", "language", "oracle", "physics", "position", "retrieval")
 _HOMES = {
+    "classification": ("accuracy", "macro_accuracy"),
     "distribution": ("diversity", "frechet_distance", "halves_distance", "multimodality"),
     "intervals": ("Interval", "interval", "paired_bootstrap", "paired_interval"),
     "language": ("bert_score", "bleu", "caption_scores", "cider", "rouge_l"),

@@ -164,14 +164,17 @@ class StyleJudge:
     """The trained classifiers of one folder of models, for motions of any length and number.
 
     Args:
-        models: folder that holds ``style_evaluator/``.
+        models: folder that holds ``style_evaluator/``, or the trained evaluator itself.
         device: where to compute.
         batch_size: items per forward pass; items are sorted by length, so padding costs little.
     """
 
-    def __init__(self, models: Path, device: str = "cpu", batch_size: int = 64):
-        self.model = cast(Any, load_model(Path(models) / "style_evaluator", device))
-        self.hash = model_hash(Path(models) / "style_evaluator")
+    def __init__(self, models: Path | StyleEvaluator, device: str = "cpu", batch_size: int = 64):
+        if isinstance(models, StyleEvaluator):
+            self.model, self.hash = models.to(device).eval(), ""
+        else:
+            self.model = cast(StyleEvaluator, load_model(models / "style_evaluator", device))
+            self.hash = model_hash(models / "style_evaluator")
         self.device, self.batch_size = device, batch_size
 
     @property

@@ -10,8 +10,8 @@ from motionary.errors import InputError
 
 T = TypeVar("T")
 
-# Keys of a stage's section that say how its training data is drawn (arguments of corpus.batches).
-DATA_KEYS = ("window", "drop_unit", "group_weights")
+# Keys of a stage's section that say how its training data is drawn (arguments of corpus.batches and corpus.labeled).
+DATA_KEYS = ("window", "drop_unit", "group_weights", "balance")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,44 @@
+"""Trains the style and the content classifier that judge stylization (thesis 5.3), and judges real motions by them."""
+
+from _project import ROOT  # isort: skip
+import hydra
+
+from motionary.corpus.labeled import Labeled
+from motionary.corpus.store import Corpus
+from motionary.corpus.styles import style_split
+from motionary.evaluation.classifiers import judge_real
+from motionary.models.io import save_model
+from motionary.models.layers import seeded
+from motionary.models.style_evaluator import StyleEvaluator, StyleEvaluatorConfig, StyleJudge
+from motionary.training.run import last_losses, train
+from motionary.training.stage import Stage, run_stage
+
+
+@hydra.main(version_base="1.3", config_path="../conf", config_name="config")
+@run_stage
+def main(config):
+    """data/corpus -> models/style_evaluator, reports/style_evaluator.json"""
+    with Stage("style_evaluator", config, ROOT, sections=("styles",)) as stage:
+        corpus = Corpus.open(stage.input("data/corpus"))
+        split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
+        labeled = len(split.labeled) > 0
+        model_config, settings = stage.divide(StyleEvaluatorConfig, {"trained": labeled})
+        with seeded(stage.seed):
+            model = StyleEvaluator(model_config, corpus.context)
+        report = {}
+        if labeled:
+            data = Labeled(corpus, split.labeled, **stage.data)
+            known = split.validation[corpus.style_ids[split.validation] >= 0]
+            # A small corpus may have no labeled window to validate on; the curves then show the training windows.
+            validation = Labeled(corpus, known if len(known) else split.labeled, stage.data["window"], random=False)
+            report["training"] = last_losses(train(stage, model, data, validation, settings))
+        else:
+            stage.figure_path("none").parent.mkdir(exist_ok=True)  # DVC expects the folder
+            print("style_evaluator: the corpus has no style labels, so that neither style nor content can be judged")
+        with stage.publish("models/style_evaluator") as folder:
+            save_model(folder, "style_evaluator", model, corpus.context)
+        stage.report(report | {"real": judge_real(StyleJudge(model), corpus, split)})
+
+
+if __name__ == "__main__":
+    main()
