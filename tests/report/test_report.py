@@ -176,6 +176,42 @@ def test_reconstructed_motions_stand_among_the_generated(reports):
     ]  # fmt: skip
 
 
+def test_motions_at_the_real_lengths_are_a_row_below_the_system_s_own(reports):
+    alpha = generator_report(0.5)
+    alpha["real_lengths"] = {
+        "text2motion": judged(0.2), "physics": {"generated": {"foot_skating": 0.05}},
+        "oracle": {"captions": {"all": {"confirmed": 0.85, "checked": 20}}},
+    }  # fmt: skip
+    (reports / "evaluation" / "alpha.json").write_text(json.dumps(alpha))
+    results = Results.read(reports)
+    table = tables.text_to_motion(results)
+    assert [row[0] for row in table.rows] == ["real motions", "alpha", "alpha with real lengths", "beta"]
+    row = dict(zip(table.columns, table.rows[2], strict=True))
+    assert row["R@1"].startswith(f"{judged(0.2)['all']['r1']['mean']:.3f}")
+    assert (row["Multimodality"], row["Oracle: captions"], row["Foot skating, m/s"]) == ("-", "85.0%", "0.050")
+    assert len(tables.text_to_motion(results, "styled").rows) == 4
+    assert tables.summary(results)["alpha with real lengths"]["r3"] == judged(0.2)["all"]["r3"]["mean"]
+    assert "| alpha with real lengths |" in summary.markdown(reports)
+
+
+def test_lengths_stand_beside_the_histogram(reports):
+    found = {"items": 9, "model": {"within_1": 0.5, "within_3": 0.75, "nll": 2.5}}
+    found["histogram"] = {"within_1": 0.125, "within_3": 0.25, "nll": 3.5}
+    (reports / "lengths.json").write_text(json.dumps({"lengths": {"all": found}}))
+    (reports / "figures/lengths").mkdir()
+    (reports / "figures/lengths/densities.png").write_bytes(PIXEL)
+    results = Results.read(reports)
+    assert tables.lengths(results).rows == [
+        ["lengths", "all", "9", "50.0%", "75.0%", "2.500"],
+        ["histogram", "all", "9", "12.5%", "25.0%", "3.500"],
+    ]
+    assert tables.summary(results)["lengths"] == {"length_within_1": 0.5, "length_within_3": 0.75, "length_nll": 2.5}
+    page = render(results)
+    assert "lengths: densities" in page
+    assert "Lengths from text" in page
+    assert "Lengths from text" in summary.markdown(reports)
+
+
 def test_missing_reports_leave_gaps_and_no_errors(reports, tmp_path):
     empty = Results.read(tmp_path / "nothing")
     assert "dvc repro" in render(empty)

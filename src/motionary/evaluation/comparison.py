@@ -17,10 +17,11 @@ from motionary.report.table import NONE, Table, show
 Runs = Mapping[str, Mapping[str, Mapping[str, float]]]  # experiment -> system -> metric -> value
 
 _REAL = ("Real R@1", "Real R@3")
-_GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", "Oracle", "Caption NLL")
+_HELD = ("Real lengths R@3", "Real lengths FID")
+_GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_HELD, "Oracle", "Caption NLL")
 _CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3")
 _CODES = ("Local MPJPE (mm)", "Codes used")
-_COMPARED = ("R@1", "R@3", "FID", "Oracle", "Caption NLL", "BLEU-4", "Caption R@3")
+_COMPARED = ("R@1", "R@3", "FID", *_HELD, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3")
 
 
 def measured(folder: Path, system: str) -> dict[str, float]:
@@ -36,14 +37,15 @@ def measured(folder: Path, system: str) -> dict[str, float]:
     scored, own = _read(folder / "evaluation" / f"{system}.json"), _read(folder / f"{system}.json")
     tokenizer = _read(folder / "tokenizer.json")
     values: dict[str, Any] = {}
-    for key, prefix, names in (
-        ("text2motion", "", ("r1", "r2", "r3", "fid", "fid_real_halves")),
-        ("motion2text", "Caption ", ("r3",)),
-        ("real", "Real ", ("r1", "r3")),
+    for keys, prefix, names in (
+        (("text2motion",), "", ("r1", "r2", "r3", "fid", "fid_real_halves")),
+        (("real_lengths", "text2motion"), "Real lengths ", ("r3", "fid")),
+        (("motion2text",), "Caption ", ("r3",)),
+        (("real",), "Real ", ("r1", "r3")),
     ):
-        for part in at(scored, key) or {}:
+        for part in at(scored, *keys) or {}:
             for name in names:
-                values[_named(prefix + _LABELS[name], part)] = at(scored, key, part, name, "mean")
+                values[_named(prefix + _LABELS[name], part)] = at(scored, *keys, part, name, "mean")
     for part in at(scored, "language") or {}:
         values[_named("BLEU-4", part)] = at(scored, "language", part, "bleu4")
         values[_named("BLEU-4 raw", part)] = at(scored, "language", part, "raw", "bleu4")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,8 @@ def score_generator(
     """Report of a text-to-motion system.
 
     Args:
-        generator: offers ``generate(sentences, seeds) -> list of raw features (T, D)``.
+        generator: offers ``generate(sentences, seeds, frames) -> list of raw features (T, D)``; ``takes_lengths`` says
+            that it holds the frames it is given, and not only cuts what it found.
         items: captioned test windows.
         judge: the evaluator.
         protocol: repetitions and sizes.
@@ -37,48 +39,84 @@ def score_generator(
 
     Returns:
         "text2motion" and "real": rows by part; "real" is judged with the same captions and pools. "physics",
-        "oracle", "multimodality", and "nearest_training".
+        "oracle", "multimodality", and "nearest_training". With ``protocol.real_lengths`` and a generator that takes
+        lengths also "real_lengths": rows, physics and captions confirmed for motions as long as the real ones ("Ours
+        w/ real length" of the thesis's Table 4.2).
     """
-    real = judge.motions(items.features)
-    draws, real_draws, first = [], [], None
-    for draw in range(protocol.generation_repetitions):
-        captions = items.choose(draw)
-        sentences = [sentence_of(items.corpus, c) for c in captions]
-        generated = _generate(generator, sentences, seed + 1_000_003 * draw, protocol, f"generate {draw + 1}")
-        text, parts = judge.sentences(sentences), items.parts(captions)
-        motion = judge.motions(generated)
-        draws.append((text, motion, parts))
-        real_draws.append((text, real, parts))
-        if first is None:
-            first = (sentences, generated, motion, parts)
-    assert first is not None
-    sentences, generated, features, parts = first
-    thresholds = fitted_oracle(items.corpus)
+    real, thresholds = judge.motions(items.features), fitted_oracle(items.corpus)
+    draws = [_Draw.make(generator, items, judge, protocol, seed, number) for number in _numbers(protocol)]
+    first = draws[0]
     report: dict[str, Any] = {
-        "text2motion": judged_parts(draws, real, protocol),
-        "real": judged_parts(real_draws, real, protocol),
-        "physics": {"generated": _physics(items, generated), "real": _physics(items, items.features)},
-        "oracle": {
-            "captions": confirmed(items, sentences, generated, parts, thresholds),
-            "captions_real": confirmed(items, sentences, items.features, parts, thresholds),
-            "prompts": _prompts(generator, items, protocol, seed, thresholds),
-        },
+        **_scores(draws, items, real, protocol, thresholds),
+        "real": judged_parts([(d.text, real, d.parts) for d in draws], real, protocol),
         "multimodality": _multimodality(generator, items, judge, protocol, seed),
+    }
+    report["physics"]["real"] = _physics(items, items.features)
+    report["oracle"] |= {
+        "captions_real": confirmed(items, first.sentences, items.features, first.parts, thresholds),
+        "prompts": _prompts(generator, items, protocol, seed, thresholds),
     }
     if nearest is not None:
         report["nearest_training"] = {
-            "generated": nearest_distance(features, nearest),
+            "generated": nearest_distance(first.motion, nearest),
             "real": nearest_distance(real, nearest),
         }
+    if protocol.real_lengths and getattr(generator, "takes_lengths", False):
+        frames = [len(features) for features in items.features]
+        held = [_Draw.make(generator, items, judge, protocol, seed, number, frames) for number in _numbers(protocol)]
+        report["real_lengths"] = _scores(held, items, real, protocol, thresholds)
     return report
 
 
-def _generate(generator, sentences: Sequence[Sentence], seed: int, protocol: Protocol, label: str) -> list[np.ndarray]:
+@dataclass(frozen=True)
+class _Draw:
+    """One generation of the whole split: what was asked, what came, and the evaluator's features of both."""
+
+    sentences: list[Sentence]
+    generated: list[np.ndarray]
+    text: np.ndarray
+    motion: np.ndarray
+    parts: dict[str, np.ndarray]
+
+    @classmethod
+    def make(
+        cls, generator, items: Items, judge: Judge, protocol: Protocol, seed: int, number: int,
+        frames: Sequence[int] | None = None,
+    ) -> _Draw:  # fmt: skip
+        captions = items.choose(number)
+        sentences = [sentence_of(items.corpus, c) for c in captions]
+        label = f"generate {number + 1}{'' if frames is None else ', real lengths'}"
+        generated = _generate(generator, sentences, seed + 1_000_003 * number, protocol, label, frames)
+        return cls(sentences, generated, judge.sentences(sentences), judge.motions(generated), items.parts(captions))
+
+
+def _numbers(protocol: Protocol) -> range:
+    return range(protocol.generation_repetitions)
+
+
+def _scores(
+    draws: Sequence[_Draw], items: Items, real: np.ndarray, protocol: Protocol, thresholds: Thresholds
+) -> dict[str, Any]:
+    """What is measured of generations whatever decided their lengths; physics and the oracle read the first."""
+    first = draws[0]
+    return {
+        "text2motion": judged_parts([(d.text, d.motion, d.parts) for d in draws], real, protocol),
+        "physics": {"generated": _physics(items, first.generated)},
+        "oracle": {"captions": confirmed(items, first.sentences, first.generated, first.parts, thresholds)},
+    }
+
+
+def _generate(
+    generator, sentences: Sequence[Sentence], seed: int, protocol: Protocol, label: str,
+    frames: Sequence[int] | None = None,
+) -> list[np.ndarray]:  # fmt: skip
     out: list[np.ndarray] = []
     starts = range(0, len(sentences), protocol.batch_size)
     for start in tqdm(starts, desc=label, unit="batch"):
-        part = sentences[start : start + protocol.batch_size]
-        out += generator.generate(part, seeds=[seed + start + i for i in range(len(part))])
+        rows = slice(start, start + protocol.batch_size)
+        part = sentences[rows]
+        held = {} if frames is None else {"frames": frames[rows]}
+        out += generator.generate(part, seeds=[seed + start + i for i in range(len(part))], **held)
     return out
 
 

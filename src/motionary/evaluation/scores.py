@@ -28,10 +28,11 @@ class Protocol:
     prompt_samples: int = 10
     batch_size: int = 64
     bert_score: bool = True
+    real_lengths: bool = True
 
     def __post_init__(self):
         for name, value in vars(self).items():
-            if name != "bert_score" and value < 1:
+            if not isinstance(value, bool) and value < 1:
                 raise InputError(f"evaluation.{name}", value, "must be at least 1")
         if self.multimodality_samples < 2 * self.multimodality_pairs:
             rule = f"must be at least twice multimodality_pairs ({self.multimodality_pairs})"

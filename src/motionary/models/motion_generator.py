@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 class Generator:
     """Generates motions with a trained :class:`Text2Motion`. Results never depend on the other texts of the call."""
 
+    takes_lengths = True
+
     def __init__(self, model: Text2Motion, lengths: Lengths, chunk: int = 128):
         self.model, self.lengths, self.chunk = model.eval(), lengths, chunk
         self.context = model.context

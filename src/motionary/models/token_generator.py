@@ -57,6 +57,8 @@ class Guided:
 class Generator:
     """Generates motions with a trained :class:`Text2Token`. Results never depend on the other texts of the call."""
 
+    takes_lengths = True
+
     def __init__(self, model: Text2Token, tokenizer: Tokenizer, chunk: int = 512):
         self.model, self.tokenizer, self.chunk = model.eval(), tokenizer, chunk
         self.context = model.context

@@ -37,6 +37,7 @@ TERMS = {
 PICTURES = {
     "contexts": "The most frequent motion tokens, each decoded alone to its four frames, light to dark. A quarter "
     "view: forward runs to the right. In the title: the token and its share of all tokens.",
+    "densities": "How likely each length is, given the text above it; dark: the lengths of the motions so described.",
 }
 
 
@@ -61,7 +62,7 @@ def render(
         ("Parts of the test split", _tables(tables.parts_tables(results))),
         ("Prompts", _tables([tables.prompts(results)])),
         ("Training", _tables([tables.training(results)]) + _curves(results)),
-        ("Motion tokens", _pictures(results)),
+        ("Pictures", _pictures(results)),
         ("Corpus", "".join(map(_corpus_table, corpus_tables(corpus))) if corpus else ""),
         ("How to read the numbers", _terms()),
     ]
@@ -74,7 +75,9 @@ def render(
 
 
 def _results(results: Results) -> str:
-    makers = (tables.text_to_motion, tables.motion_to_text, tables.reconstruction, tables.nearest_training)
+    makers = (
+        tables.text_to_motion, tables.motion_to_text, tables.reconstruction, tables.lengths, tables.nearest_training
+    )  # fmt: skip
     body = _tables([make(results) for make in makers])
     if body:
         return body

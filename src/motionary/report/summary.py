@@ -13,7 +13,7 @@ from motionary.report.table import NONE, Table
 
 def main_tables(results: Results) -> list[Table]:
     """The tables that a first look needs."""
-    makers = (tables.text_to_motion, tables.motion_to_text, tables.reconstruction)
+    makers = (tables.text_to_motion, tables.motion_to_text, tables.reconstruction, tables.lengths)
     return [table for make in makers if (table := make(results)) is not None]
 
 

@@ -45,7 +45,7 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
     real_more = (NONE, real_oracle, NONE, skating) if whole else (real_oracle,)
     rows = [row("real motions", at(first, "real", part), *real_more)]
     rows += [row(f"real, through {name}", report["reconstruction"][part]) for name, report in decoded.items()]
-    for name, report in systems.items():
+    for name, report in _with_real_lengths(systems).items():
         captions = percent(at(report, "oracle", "captions", part, "confirmed"))
         more = (
             show(report.get("multimodality")),
@@ -141,6 +141,19 @@ def training(results: Results) -> Table | None:
     return Table("Training", ["stage", "steps", "best step", "best validation loss"], rows) if rows else None
 
 
+def lengths(results: Results) -> Table | None:
+    """Lengths predicted from text, beside the histogram of training lengths that does not read it."""
+    rows = []
+    for name, report in results.stages.items():
+        for part, found in (at(report, "lengths") or {}).items():
+            for label, key in ((name, "model"), ("histogram", "histogram")):
+                shares = [percent(at(found, key, near)) for near in ("within_1", "within_3")]
+                rows.append([label, part, show(found["items"]), *shares, show(at(found, key, "nll"))])
+    note = "Share of captions whose likeliest length is near the true one; the likelihood of the true one, in nats."
+    columns = ["", "part", "captions", "within 1 unit", "within 3 units", "negative log-likelihood"]
+    return Table("Lengths from text", columns, rows, note) if rows else None
+
+
 def summary(results: Results) -> dict[str, dict[str, float]]:
     """{system: {metric: mean}} of the main tables, for `dvc metrics show`."""
     out: dict[str, dict[str, float]] = {}
@@ -150,7 +163,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         if value is not None:
             out.setdefault(name, {})[metric] = value
 
-    for name, report in results.systems.items():
+    for name, report in _with_real_lengths(results.systems).items():
         for key in ("text2motion", "reconstruction"):
             for _, metric in JUDGED:
                 put("real", metric, at(report, "real", "all", metric) if key in report else None)
@@ -167,6 +180,18 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         for kind in ("local", "global"):
             put(name, f"{kind}_mm", at(report, "positions", "all", f"{kind}_mm"))
         put(name, "codes_used", at(report, "codes", "used"))
+        for metric in ("within_1", "within_3", "nll"):
+            put(name, f"length_{metric}", at(report, "lengths", "all", "model", metric))
+    return out
+
+
+def _with_real_lengths(systems: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Each report, then as a row of its own what the same system made at the real motions' lengths."""
+    out = {}
+    for name, report in systems.items():
+        out[name] = report
+        if "real_lengths" in report:
+            out[f"{name} with real lengths"] = report["real_lengths"]
     return out
 
 

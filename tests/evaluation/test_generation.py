@@ -1,0 +1,85 @@
+"""Scores of generators whose outcome is known: what real lengths change, and who is asked for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motionary.corpus.store import Corpus
+from motionary.evaluation.generation import score_generator
+from motionary.evaluation.items import Items
+from motionary.evaluation.scores import Protocol
+
+PROTOCOL = Protocol(
+    repetitions=2, pool=4, diversity_pairs=5, multimodality_texts=2, multimodality_samples=4, multimodality_pairs=2,
+    prompt_samples=1, batch_size=3,
+)  # fmt: skip
+
+
+class ByLength:
+    """A judge that sees nothing of a motion but its length."""
+
+    def motions(self, features):
+        lengths = np.array([len(f) for f in features], float)
+        return np.stack([lengths / 20, np.sin(lengths)], axis=1)
+
+    def sentences(self, sentences):
+        lengths = np.array([len(s.words) for s in sentences], float)
+        return np.stack([lengths, lengths], axis=1)
+
+
+class Still:
+    """Stands for 40 frames, or for as long as it is told."""
+
+    takes_lengths = True
+
+    def __init__(self, dim: int):
+        self.dim, self.asked = dim, []
+
+    def generate(self, sentences, seeds, frames=None):
+        assert len(sentences) == len(seeds)
+        self.asked.append(frames)
+        return [np.zeros((n, self.dim), np.float32) for n in (frames or [40] * len(sentences))]
+
+
+@pytest.fixture(scope="module")
+def items(pipeline):
+    return Items(Corpus.open(pipeline / "data/corpus"))
+
+
+def scored(generator, items, **changes):
+    return score_generator(generator, items, ByLength(), Protocol(**{**vars(PROTOCOL), **changes}))
+
+
+def test_at_the_real_lengths_a_system_that_fails_only_in_length_is_as_good_as_real(items):
+    generator = Still(items.corpus.context.dim)
+    report = scored(generator, items)
+    held, real = report["real_lengths"], report["real"]
+    assert held["text2motion"] == real
+    assert held["text2motion"]["all"]["fid"]["mean"] == pytest.approx(0, abs=1e-5)
+    assert report["text2motion"]["all"]["fid"]["mean"] > 0.5
+    assert held["physics"]["generated"]["seconds"] == report["physics"]["real"]["seconds"]
+    assert report["physics"]["generated"]["seconds"] == pytest.approx(2.0)
+    assert held["oracle"]["captions"].keys() == report["oracle"]["captions"].keys()
+    lengths = [n for frames in generator.asked if frames is not None for n in frames]
+    assert lengths == [len(f) for f in items.features]
+
+
+def test_real_lengths_cost_one_more_generation_where_they_mean_something_and_none_elsewhere(items):
+    asked = {}
+    for name, takes, wanted in (("takes", True, True), ("ignores", False, True), ("off", True, False)):
+        generator = Still(items.corpus.context.dim)
+        generator.takes_lengths = takes
+        report = scored(generator, items, real_lengths=wanted)
+        assert ("real_lengths" in report) == (name == "takes")
+        asked[name] = generator.asked
+    batches = -(-len(items) // PROTOCOL.batch_size)
+    assert len(asked["takes"]) == len(asked["off"]) + batches
+    assert asked["ignores"] == asked["off"]
+    assert not any(asked["off"])
+
+
+def test_every_repetition_of_the_generation_is_repeated_at_the_real_lengths(items):
+    generator = Still(items.corpus.context.dim)
+    scored(generator, items, generation_repetitions=3)
+    assert sum(len(frames) for frames in generator.asked if frames is not None) == 3 * len(items)
