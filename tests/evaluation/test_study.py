@@ -58,6 +58,9 @@ def test_what_the_issue_asks_for_is_there(repository, shipped):
     assert values("no_tokens", "motion2text.tokens") == [False] * 3
     assert values("gradient_codebook", "tokenizer.quantizer") == ["gradient"]
     assert values("margin_evaluator", "evaluator.objective") == ["margin"]
+    for switch in ("snippets", "attention", "tags", "positions"):  # the rows of the thesis's Table 4.4
+        assert values(f"no_{switch}", f"text2motion.{switch}") == [False] * 3
+        assert (("main", "text2motion"), (f"no_{switch}", "text2motion")) in shipped.compare
     steps = values("main", "inverse_alignment.steps")
     for control, factor in (("control_updates", 1.0), ("control_time", 3.5)):
         assert values(control, "inverse_alignment.alignment") == [False] * 3
@@ -146,6 +149,8 @@ def made_up(reports: Path, experiment, shift: float) -> None:
             report["language"] = {"all": {"bleu4": 0.7 + shift, "raw": {"bleu4": 0.4}}, "captioned": {"bleu4": 0.5}}
         else:
             report |= {"text2motion": {"all": part, "captioned": part}, "oracle": {"prompts": {"confirmed": 0.6}}}
+            if system == "text2motion":
+                report["real_lengths"] = {"text2motion": {"all": {"r3": {"mean": 0.95 + shift}}}}
             files[f"{system}.json"] = {"training": {"validation_caption_nll": 2.0 - shift}}
         files[f"evaluation/{system}.json"] = report
     for name, content in files.items():
@@ -212,6 +217,21 @@ def test_differences_are_paired_by_seed(shipped, tmp_path):
     assert "BLEU-4, captioned" in text
     assert "transformer-0" in summary["missing"]
     assert "main-0" not in summary["missing"]
+
+
+def test_ablations_are_compared_with_the_full_system_of_their_seed_at_both_lengths(shipped, tmp_path):
+    for experiment, shift in zip(of_entry(shipped, "main"), (0.02, 0.03, 0.04), strict=True):
+        fill(tmp_path, experiment, shift)
+    for experiment, shift in zip(of_entry(shipped, "no_attention"), (0.0, 0.0, 0.0), strict=True):
+        fill(tmp_path, experiment, shift)
+    text = runner.write_results(tmp_path, shipped)
+    summary = json.loads((tmp_path / runner.FOLDER / "study.json").read_text())
+    found = {r["metric"]: r for r in summary["differences"] if r["minus"] == "no_attention text2motion"}
+    for metric in ("R@3", "Real lengths R@3"):
+        assert found[metric]["mean"] == pytest.approx(0.03)
+        assert found[metric]["half"] == pytest.approx(4.3027 * 0.01 / 3**0.5, rel=1e-4)
+    assert "| no_attention: text2motion | 0, 1, 2 |" in text
+    assert "Real lengths R@3" in text
 
 
 def test_measured_leaves_out_what_is_not_there(shipped, tmp_path):
