@@ -7,7 +7,8 @@ import dataclasses
 import pytest
 import torch
 
-from motionary.models.autoencoder import Autoencoder, AutoencoderConfig, feature_weights, position_error
+from motionary.errors import InputError
+from motionary.models.autoencoder import Autoencoder, AutoencoderConfig, distance, feature_weights, position_error
 from motionary.models.layers import seeded
 
 SMALL = AutoencoderConfig(width=32, code_dim=16)
@@ -54,6 +55,17 @@ def test_a_code_sees_ten_frames(context, batches):
     model.encode(raw)[0, 4].square().sum().backward()
     seen = torch.nonzero(raw.grad[0].abs().sum(1)).flatten().tolist()
     assert seen == list(range(13, 23))
+
+
+def test_large_errors_count_by_their_square_from_where_it_is_said():
+    error = torch.tensor([-3.0, -0.5, 0.25, 0.5, 1.0])
+    torch.testing.assert_close(distance(error, 0.0), error.abs())
+    torch.testing.assert_close(distance(error, 0.5), torch.tensor([9.25, 0.5, 0.25, 0.5, 1.25]))
+    knee = torch.tensor([0.4999, 0.5001], requires_grad=True)
+    (slopes,) = torch.autograd.grad(distance(knee, 0.5).sum(), knee)
+    torch.testing.assert_close(slopes, torch.ones(2), atol=1e-3, rtol=0)  # smooth where one becomes the other
+    with pytest.raises(InputError, match="square_from"):
+        AutoencoderConfig(square_from=-1.0)
 
 
 def test_the_loss_is_equation_4_2(context, batch):

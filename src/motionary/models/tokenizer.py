@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from motionary.errors import InputError
-from motionary.models.autoencoder import CONTACTS, UNIT, feature_weights, position_error, prepare
+from motionary.models.autoencoder import CONTACTS, UNIT, distance, feature_weights, position_error, prepare
 from motionary.models.convolutions import Down, ResBlock, Up, coarser, finer, keep, step_mask
 from motionary.models.layers import Normalizer, length_mask, masked_mean
 from motionary.models.quantizer import KINDS, Quantizer, usage
@@ -37,6 +37,7 @@ class TokenizerConfig:
     freeze_from: share of the training from which encoder and codebook rest and the decoder alone learns; 1 is off.
     hide_contacts: the encoder does not see the foot contacts, the decoder predicts them.
     position_weight: extra weight of the local joint positions in the reconstruction; 0 is Eq. 3.
+    square_from: errors beyond this many deviations count by their square (see autoencoder.distance); 0 is Eq. 3.
     trajectory_weight: weight of the error of the integrated root trajectory, metres; 0 is Eq. 3.
     """
 
@@ -57,6 +58,7 @@ class TokenizerConfig:
     freeze_from: float = 1.0
     hide_contacts: bool = True
     position_weight: float = 1.0
+    square_from: float = 0.0
     trajectory_weight: float = 0.0
 
     def __post_init__(self) -> None:
@@ -66,6 +68,7 @@ class TokenizerConfig:
             "width": (self.width >= 1, "must be at least 1"),
             "dilation": (self.dilation >= 1, "must be at least 1"),
             "quantizer": (self.quantizer in KINDS, f"must be one of {', '.join(KINDS)}"),
+            "square_from": (self.square_from >= 0, "must be at least 0"),
             "decay": (0 <= self.decay < 1, "must be in [0, 1)"),
         }
         for key, (holds, rule) in rules.items():
@@ -212,7 +215,7 @@ class Tokenizer(nn.Module):
         output = self.decoder(entries, count)
         target = self.normalizer(batch.motion[:, : output.shape[1]])
         mask = length_mask(count * UNIT, output.shape[1])
-        terms["reconstruction"] = masked_mean((output - target).abs() * self.weights, mask)
+        terms["reconstruction"] = masked_mean(distance(output - target, config.square_from) * self.weights, mask)
         terms["commitment"] = commitment
         total = terms["reconstruction"] + embedding + config.beta * commitment
         if config.trajectory_weight:
