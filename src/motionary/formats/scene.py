@@ -52,23 +52,28 @@ class Scene:
         distance = camera.focal * max(top * 1.32, 2.3 * wide * height / width, 0.3)
         self.camera = replace(camera, distance=distance)
         self.ground = Ground(self.camera, top * 0.47, lines=ground)
+        self._nearest = np.empty((height, width), np.float32)
         self.path, self.when = _trail(root, _STEP * max(distance / 4, 0.1)) if ground else (root[:0], np.zeros(0))
 
-    def draw(self, seconds: float) -> np.ndarray:
-        """The picture (H, W, 3) float32 of a moment; before the start and after the end the figure stands still."""
+    def draw(self, seconds: float, out: np.ndarray | None = None) -> np.ndarray:
+        """The picture (H, W, 3) float32 of a moment; before the start and after the end the figure stands still.
+
+        `out`, an earlier picture of this scene, is painted over and returned where it is given.
+        """
         at = float(np.clip(seconds * self.fps, 0, self.frames - 1))
         low = int(at)
         high, share = min(low + 1, self.frames - 1), at - low
         begins, ends, target = (
             values[low] * (1 - share) + values[high] * share for values in (self.begins, self.ends, self.target)
         )
-        image = self.ground.draw(target)
+        image = self.ground.draw(target, out)
         self._trace(image, target, at)
         self._shadow(image, target, begins, ends)
         a, scale_a = self.camera.project(begins, target)
         b, scale_b = self.camera.project(ends, target)
         depths = (np.stack([begins, ends]) - self.camera.eye(target)) @ self.camera.axes[2]
-        nearest = np.full(image.shape[:2], np.inf, np.float32)
+        nearest = self._nearest
+        nearest.fill(np.inf)
         for i in np.argsort(-depths.mean(0) + self.radii.max(-1), kind="stable"):  # far ones first: smooth outlines
             if scale_a[i] and scale_b[i]:
                 (ra, rb), (da, db) = self.radii[i], depths[:, i]

@@ -128,6 +128,7 @@ class Board:
 
     def __init__(self, motions: Sequence[Motion], captions: Sequence[str], width: int, height: int):
         self.scenes = [Scene(motion, width, height) for motion in motions]
+        self.canvases: list[np.ndarray | None] = [None] * len(motions)
         self.columns = min(len(motions), _MOST_COLUMNS)
         self.rows = -(-len(motions) // self.columns)
         labels = [_label(caption, width, max(13, width // 28)) if caption else None for caption in captions]
@@ -146,9 +147,10 @@ class Board:
         picture = self.base.copy()
         for i, scene in enumerate(self.scenes):
             top, left = self._corner(i)
-            drawn = scene.draw(seconds)
+            drawn = self.canvases[i] = scene.draw(seconds, self.canvases[i])
             # Values stay within 0..255 by construction: every step blends two colours.
-            picture[top : top + drawn.shape[0], left : left + drawn.shape[1]] = drawn
+            for channel in range(3):  # each lies by itself in what is drawn
+                picture[top : top + drawn.shape[0], left : left + drawn.shape[1], channel] = drawn[..., channel]
         return picture
 
     def _corner(self, i: int) -> tuple[int, int]:
