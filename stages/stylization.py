@@ -1,0 +1,47 @@
+"""Trains latent stylization with style labels and without (thesis 5.2.2)."""
+
+from _project import ROOT  # isort: skip
+from typing import cast
+
+import hydra
+
+from motionary.corpus.store import Corpus
+from motionary.corpus.styles import style_split
+from motionary.corpus.triples import Triples
+from motionary.models.io import load_model, save_model
+from motionary.models.latents import Latents
+from motionary.models.layers import seeded
+from motionary.models.stylization import build, trainable
+from motionary.training.run import last_losses, train
+from motionary.training.stage import Stage, run_stage
+
+
+@hydra.main(version_base="1.3", config_path="../conf", config_name="config")
+@run_stage
+def main(config):
+    """data/corpus, models/latents -> models/stylization, reports/stylization.json"""
+    with Stage("stylization", config, ROOT, sections=("styles",)) as stage:
+        corpus = Corpus.open(stage.input("data/corpus"))
+        latents = cast(Latents, load_model(stage.input("models/latents")))
+        split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
+        values, settings = stage.model(), stage.training()
+        # The thesis drops the label and nothing else: both settings see the same clips.
+        known = corpus.style_ids >= 0
+        labels = known[split.train].any()
+        rows = split.labeled if labels else split.train
+        held = split.validation[known[split.validation] | (not labels)]
+        data = Triples(corpus, rows, **stage.data)
+        # A small corpus may have no labeled window to validate on; the curves then show the training windows.
+        validation = Triples(corpus, held if len(held) else rows, stage.data["window"])
+        report = {}
+        with stage.publish("models/stylization") as folder:
+            for setting in trainable(values["settings"], corpus.context):
+                with seeded(stage.seed):
+                    model = build(values, setting, latents, corpus.context, stage.data["window"])
+                report[setting] = last_losses(train(stage, model, data, validation, settings, name=setting))
+                save_model(folder / setting, "stylization", model, corpus.context)
+        stage.report(report)
+
+
+if __name__ == "__main__":
+    main()
