@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
+import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pygltflib as gl
 
 from motionary.formats.euler import to_matrix
 from motionary.formats.files import writable, write_bytes
@@ -15,6 +17,10 @@ from motionary.formats.rig import Locals, Track, to_locals
 from motionary.motion import Motion
 
 _STILL = 1e-7
+# Numbers that glTF 2.0 gives to kinds of data (5.1.3, 5.11.5). Its JSON is plain enough to be written as it is; a
+# library of classes for it took longer to import than a file takes to write (the tests read files through one).
+_COMPONENTS = {np.float32: 5126, np.uint8: 5121, np.uint16: 5123, np.uint32: 5125}
+_VERTICES, _INDICES = 34962, 34963
 
 
 def write_glb(motion: Motion, path: str | os.PathLike, mesh: bool = True, force: bool = True) -> Path:
@@ -37,32 +43,30 @@ def write_glb(motion: Motion, path: str | os.PathLike, mesh: bool = True, force:
 
 
 def glb_bytes(motion: Motion, mesh: bool = True) -> bytes:
-    """The contents of a .glb file (see `write_glb`)."""
+    """The contents of a .glb file (see `write_glb`): glTF 2.0's JSON and one binary buffer, in its container."""
     local = to_locals(motion)
     pack = _Pack()
     skeleton = local.skeleton
-    children: list[list[int]] = [[] for _ in skeleton.joints]
-    for j, p in enumerate(skeleton.parents[1:], 1):
-        children[p].append(j)
-    nodes = [
-        gl.Node(name=name, translation=[float(x) for x in skeleton.offsets[j]], children=children[j])
-        for j, name in enumerate(skeleton.joints)
+    nodes: list[dict[str, Any]] = [
+        {"name": name, "translation": [float(x) for x in skeleton.offsets[j]]} for j, name in enumerate(skeleton.joints)
     ]
-    nodes[0].translation = [float(x) for x in local.translations[0, 0]]
-    document = gl.GLTF2(
-        asset=gl.Asset(version="2.0", generator="motionary", extras={"fps": motion.fps}),
-        scene=0,
-        scenes=[gl.Scene(nodes=[0])],
-        nodes=nodes,
-    )
-    document.animations = [_animation(local, motion.fps, nodes, pack)]
+    for j, p in enumerate(skeleton.parents[1:], 1):
+        nodes[p].setdefault("children", []).append(j)
+    nodes[0]["translation"] = [float(x) for x in local.translations[0, 0]]
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "motionary", "extras": {"fps": motion.fps}},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": nodes,
+    }
+    document["animations"] = [_animation(local, motion.fps, nodes, pack)]
     if mesh:
         _add_body(document, *_body(local), pack)
-    document.accessors, document.bufferViews = pack.accessors, pack.views
-    data = bytes(pack.data)
-    document.buffers = [gl.Buffer(byteLength=len(data))]
-    document.set_binary_blob(data)
-    return b"".join(document.save_to_bytes())
+    document |= {"accessors": pack.accessors, "bufferViews": pack.views, "buffers": [{"byteLength": len(pack.data)}]}
+    text = json.dumps(document, separators=(",", ":")).encode()
+    chunks = ((b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", bytes(pack.data)))
+    body = b"".join(struct.pack("<I", len(data)) + kind + data for kind, data in chunks)
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
 
 
 class _Pack:
@@ -70,36 +74,36 @@ class _Pack:
 
     def __init__(self):
         self.data = bytearray()
-        self.views: list[gl.BufferView] = []
-        self.accessors: list[gl.Accessor] = []
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
 
     def add(self, array: np.ndarray, target: int | None = None, bounds: bool = False, normalized: bool = False) -> int:
         """The index of a new accessor for (N,), (N, 2..4) or (N, 4, 4)."""
-        kinds = {np.float32: gl.FLOAT, np.uint8: gl.UNSIGNED_BYTE, np.uint16: gl.UNSIGNED_SHORT}
-        component = kinds.get(array.dtype.type, gl.UNSIGNED_INT)
-        kind = {(): gl.SCALAR, (3,): gl.VEC3, (4,): gl.VEC4, (4, 4): gl.MAT4}[array.shape[1:]]
+        kind = {(): "SCALAR", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}[array.shape[1:]]
         data = np.ascontiguousarray(array).tobytes()
-        self.views.append(gl.BufferView(buffer=0, byteOffset=len(self.data), byteLength=len(data), target=target))
+        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)}
+        self.views.append(view if target is None else {**view, "target": target})
         self.data += data + b"\0" * (-len(data) % 4)
-        accessor = gl.Accessor(bufferView=len(self.views) - 1, componentType=component, count=len(array), type=kind)
-        accessor.normalized = normalized
+        component = _COMPONENTS[array.dtype.type]
+        accessor = {"bufferView": len(self.views) - 1, "componentType": component, "count": len(array), "type": kind}
+        if normalized:
+            accessor["normalized"] = True
         if bounds:
             flat = array.reshape(len(array), -1)
-            accessor.min, accessor.max = flat.min(0).tolist(), flat.max(0).tolist()
+            accessor["min"], accessor["max"] = flat.min(0).tolist(), flat.max(0).tolist()
         self.accessors.append(accessor)
         return len(self.accessors) - 1
 
 
-def _animation(local: Locals, fps: float, nodes: list[gl.Node], pack: _Pack) -> gl.Animation:
-    animation = gl.Animation(name="motion", channels=[], samplers=[])
+def _animation(local: Locals, fps: float, nodes: list[dict[str, Any]], pack: _Pack) -> dict[str, Any]:
+    channels: list[dict[str, Any]] = []
+    samplers: list[dict[str, Any]] = []
     frames = len(local.rotations)
     time = pack.add((np.arange(frames) / fps).astype(np.float32), bounds=True)
 
     def channel(joint: int, path: str, values: np.ndarray) -> None:
-        sampler = gl.AnimationSampler(input=time, output=pack.add(values.astype(np.float32)), interpolation="LINEAR")
-        target = gl.AnimationChannelTarget(node=joint, path=path)
-        animation.channels.append(gl.AnimationChannel(sampler=len(animation.samplers), target=target))
-        animation.samplers.append(sampler)
+        channels.append({"sampler": len(samplers), "target": {"node": joint, "path": path}})
+        samplers.append({"input": time, "output": pack.add(values.astype(np.float32)), "interpolation": "LINEAR"})
 
     rotations = local.rotations.copy()
     # q and -q are one rotation: keep neighbours on one side, so that blending between frames takes the short way.
@@ -111,8 +115,8 @@ def _animation(local: Locals, fps: float, nodes: list[gl.Node], pack: _Pack) -> 
         if j == 0 or np.ptp(rotations[:, j], axis=0).max() > _STILL:
             channel(j, "rotation", rotations[:, j])
         else:
-            node.rotation = rotations[0, j].tolist()
-    return animation
+            node["rotation"] = rotations[0, j].tolist()
+    return {"name": "motion", "channels": channels, "samplers": samplers}
 
 
 def _body(local: Locals) -> tuple[Body, np.ndarray]:
@@ -130,25 +134,25 @@ def _body(local: Locals) -> tuple[Body, np.ndarray]:
     return capsules(skeleton, positions[0]), inverse
 
 
-def _add_body(document: gl.GLTF2, mesh: Body, inverse: np.ndarray, pack: _Pack) -> None:
+def _add_body(document: dict[str, Any], mesh: Body, inverse: np.ndarray, pack: _Pack) -> None:
     """A mesh node skinned to the joint nodes."""
     joints = len(inverse)
     bind = inverse.transpose(0, 2, 1).astype(np.float32)  # glTF stores columns
     # Vertex colours of glTF are linear light; ours are sRGB as on screen.
     linear = ((mesh.colors / 255.0) ** 2.2 * 255).round().astype(np.uint8)
     opaque = np.full((len(linear), 1), 255, np.uint8)
-    attributes = gl.Attributes(
-        POSITION=pack.add(mesh.vertices, gl.ARRAY_BUFFER, bounds=True),
-        NORMAL=pack.add(mesh.normals, gl.ARRAY_BUFFER),
-        COLOR_0=pack.add(np.hstack([linear, opaque]), gl.ARRAY_BUFFER, normalized=True),
-        JOINTS_0=pack.add(mesh.joints.astype(np.uint8) if joints <= 256 else mesh.joints, gl.ARRAY_BUFFER),
-        WEIGHTS_0=pack.add(mesh.weights, gl.ARRAY_BUFFER),
-    )
+    attributes = {
+        "POSITION": pack.add(mesh.vertices, _VERTICES, bounds=True),
+        "NORMAL": pack.add(mesh.normals, _VERTICES),
+        "COLOR_0": pack.add(np.hstack([linear, opaque]), _VERTICES, normalized=True),
+        "JOINTS_0": pack.add(mesh.joints.astype(np.uint8) if joints <= 256 else mesh.joints, _VERTICES),
+        "WEIGHTS_0": pack.add(mesh.weights, _VERTICES),
+    }
     small = np.uint16 if len(mesh.vertices) < 65535 else np.uint32
-    indices = pack.add(mesh.faces.astype(small).reshape(-1), gl.ELEMENT_ARRAY_BUFFER)
-    surface = gl.PbrMetallicRoughness(baseColorFactor=[1.0] * 4, metallicFactor=0.0, roughnessFactor=0.75)
-    document.materials = [gl.Material(name="body", pbrMetallicRoughness=surface)]
-    document.meshes = [gl.Mesh(primitives=[gl.Primitive(attributes=attributes, indices=indices, material=0)])]
-    document.skins = [gl.Skin(joints=list(range(joints)), skeleton=0, inverseBindMatrices=pack.add(bind))]
-    document.nodes.append(gl.Node(name="body", mesh=0, skin=0))
-    document.scenes = [gl.Scene(nodes=[0, len(document.nodes) - 1])]
+    indices = pack.add(mesh.faces.astype(small).reshape(-1), _INDICES)
+    surface = {"baseColorFactor": [1.0] * 4, "metallicFactor": 0.0, "roughnessFactor": 0.75}
+    document["materials"] = [{"name": "body", "pbrMetallicRoughness": surface}]
+    document["meshes"] = [{"primitives": [{"attributes": attributes, "indices": indices, "material": 0}]}]
+    document["skins"] = [{"joints": list(range(joints)), "skeleton": 0, "inverseBindMatrices": pack.add(bind)}]
+    document["nodes"].append({"name": "body", "mesh": 0, "skin": 0})
+    document["scenes"] = [{"nodes": [0, len(document["nodes"]) - 1]}]

@@ -1,6 +1,6 @@
 """Rotations on numpy arrays: unit quaternions xyzw (roma's order), and 3x3 matrices.
 
-Conversions and interpolation are roma's; it is imported late, since it brings torch.
+Interpolation and what needs it are roma's; it is imported late, since it brings torch.
 """
 
 from __future__ import annotations
@@ -66,11 +66,24 @@ def to_matrices(quaternions: np.ndarray) -> np.ndarray:
 
 
 def to_quaternions(matrices: np.ndarray) -> np.ndarray:
-    """(..., 4) float32 quaternions xyzw of rotation matrices (..., 3, 3)."""
-    import roma
-    import torch
+    """(..., 4) float32 quaternions xyzw of rotation matrices (..., 3, 3).
 
-    return roma.rotmat_to_unitquat(torch.from_numpy(np.ascontiguousarray(matrices))).numpy().astype(np.float32)
+    Without roma: writing a file of a generated motion needs only this, and torch takes longer to import than the file
+    to write. Shepperd's method ("Quaternion from rotation matrix", 1978): divide by the largest of the four.
+    """
+    m = np.asarray(matrices, dtype=np.float64)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (np.moveaxis(m[..., row, :], -1, 0) for row in range(3))
+    x, y, z, w = 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz
+    rows = [
+        [x, xy + yx, xz + zx, zy - yz],
+        [xy + yx, y, yz + zy, xz - zx],
+        [xz + zx, yz + zy, z, yx - xy],
+        [zy - yz, xz - zx, yx - xy, w],
+    ]
+    candidates = np.stack([np.stack(row, -1) for row in rows], -2)
+    largest = np.argmax(np.stack([x, y, z, w], -1), axis=-1)
+    found = np.take_along_axis(candidates, largest[..., None, None], axis=-2)[..., 0, :]
+    return (found / np.linalg.norm(found, axis=-1, keepdims=True)).astype(np.float32)
 
 
 def slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
