@@ -42,6 +42,7 @@ def _generate_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--force", action="store_true", help="replace existing files")
     add.add_argument("--temperature", type=float, help="of sampling")
     add.add_argument("--top-p", type=float, help="of sampling")
+    add.add_argument("--style", metavar="NAME", help="stylize the result")
     _model_arguments(add)
 
 
@@ -51,6 +52,20 @@ def _caption_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--beams", type=_count, default=2, help="of the search (2)")
     add.add_argument("--temperature", type=float, help="draw captions at this temperature, not the likeliest")
     add.add_argument("--system", default="motion2text", help="which system answers (%(default)s)")
+    add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
+    _cut_arguments(add)
+    _model_arguments(add)
+
+
+def _stylize_arguments(add: argparse.ArgumentParser) -> None:
+    add.add_argument("files", nargs="+", metavar="FILE", help="bvh, amc, npz or npy, of any length")
+    add.add_argument("--style", metavar="NAME", help="of the training clips; with neither style nor reference: random")
+    add.add_argument("--reference", metavar="FILE", help="a motion in the wanted style, of a second or two at least")
+    add.add_argument("--strength", type=float, default=1.0, help="0 keeps the motion, 1 is the whole style (1)")
+    add.add_argument("-n", type=_count, default=1, help="variants of each; a reference has only one (1)")
+    add.add_argument("--out", default=".", metavar="FOLDER", help="where the files go (here)")
+    add.add_argument("--format", default="bvh", metavar="A,B", help="bvh, npz, npy, glb, mp4, gif, html (bvh)")
+    add.add_argument("--force", action="store_true", help="replace existing files")
     add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
     _cut_arguments(add)
     _model_arguments(add)
@@ -115,12 +130,22 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None], tuple
             'motionary generate "a person waves with the left hand" -n 3 --seed 0 --out out --format bvh,glb,mp4',
             "motionary generate --file prompts.txt --seconds 4 --json",
             'echo "a person jumps" | motionary generate',
+            'motionary generate "a person walks" --style old',
         ),
     ),
     "caption": (
         "Describe motions in words.",
         _caption_arguments,
         ("motionary caption walk.bvh", "motionary caption a.bvh b.npz -n 3 --json"),
+    ),
+    "stylize": (
+        "Give motions another style.",
+        _stylize_arguments,
+        (
+            "motionary stylize walk.bvh --style old --out out --format bvh,glb",
+            "motionary stylize walk.bvh --reference limp.bvh",
+            "motionary stylize walk.bvh -n 3 --seed 1",
+        ),
     ),
     "search": (
         "Find motions of the corpus by text.",

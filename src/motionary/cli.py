@@ -1,5 +1,5 @@
-"""The dictionary in a shell: ``motionary generate|caption|search|convert|view``. Results go to standard output and
-nothing else does; bad input is one line on standard error and exit code 2."""
+"""The dictionary in a shell: ``motionary generate|caption|stylize|search|convert|view``. Results go to standard output
+and nothing else does; bad input is one line on standard error and exit code 2."""
 
 from __future__ import annotations
 
@@ -62,6 +62,8 @@ def generate(options: argparse.Namespace) -> None:
         for first in range(0, len(prompts), chunk):
             part = prompts[first : first + chunk]
             motions = dictionary.generate(part, options.n, options.seconds, options.system, options.seed, **chosen)
+            if options.style is not None:
+                motions = [_restyled(dictionary, variants, options) for variants in motions]
             for text, variants in zip(part, motions, strict=True):
                 for variant, motion in enumerate(variants):
                     name = names[len(rows)]
@@ -91,6 +93,34 @@ def caption(options: argparse.Namespace) -> None:
         for text in texts
     ]
     _print(options, [{"file": f, "captions": texts} for f, texts in zip(options.files, found, strict=True)], lines)
+
+
+def stylize(options: argparse.Namespace) -> None:
+    """Motion files in another style, in every format asked for."""
+    from motionary.formats import read_motion, write_motion
+    from motionary.formats.files import writable
+
+    extensions, given = _extensions(options.format), {} if options.fps is None else {"fps": options.fps}
+    motions = [_cut(read_motion(path, **given), options) for path in options.files]
+    reference = None if options.reference is None else read_motion(options.reference, **given)
+    told = options.style or (Path(options.reference).stem if options.reference else "restyled")
+    stems = [Path(path).stem for path in options.files]
+    if len(set(stems)) < len(stems):
+        stems = [f"{i}-{stem}" for i, stem in enumerate(stems)]
+    bases = [f"{stem}-{told}" for stem in stems]
+    names = [[base] if options.n == 1 else [f"{base}-{k}" for k in range(options.n)] for base in bases]
+    folder = Path(options.out)
+    for name in (name for row in names for name in row):
+        for extension in extensions:
+            writable(folder / f"{name}{extension}", options.force)
+    found = _load(options).stylize(motions, options.style, reference, options.n, options.seed, options.strength)
+    rows: list[dict[str, Any]] = []
+    for path, row, variants in zip(options.files, names, found, strict=True):
+        for variant, (name, motion) in enumerate(zip(row, variants, strict=True)):
+            files = [str(write_motion(motion, folder / f"{name}{ext}", force=options.force)) for ext in extensions]
+            what = {"file": path, "style": options.style, "reference": options.reference, "seed": options.seed}
+            rows.append(what | {"variant": variant, "seconds": round(motion.duration, 3), "files": files})
+    _print(options, rows, [file for row in rows for file in row["files"]])
 
 
 def search(options: argparse.Namespace) -> None:
@@ -145,7 +175,14 @@ def view(options: argparse.Namespace) -> None:
         webbrowser.open(path.resolve().as_uri())
 
 
-COMMANDS = {"generate": generate, "caption": caption, "search": search, "convert": convert, "view": view}
+COMMANDS = {
+    "generate": generate,
+    "caption": caption,
+    "stylize": stylize,
+    "search": search,
+    "convert": convert,
+    "view": view,
+}
 
 # Input and output -----------------------------------------------------------------------------------------------
 
@@ -154,6 +191,12 @@ def _load(options: argparse.Namespace):
     from motionary.dictionary import load
 
     return load(options.models, options.device)
+
+
+def _restyled(dictionary, variants: list, options: argparse.Namespace) -> list:
+    """Generated motions in the style asked for, each variant with a draw of its own."""
+    draws = (dictionary.stylize(m, options.style, seed=options.seed + k) for k, m in enumerate(variants))
+    return [motion for (motion,) in draws]
 
 
 def _prompts(given: Sequence[str], file: str | None) -> list[str]:

@@ -201,9 +201,60 @@ class Dictionary:
         with self._lock:
             return judge.motions(features)
 
-    def stylize(self, motion: Motion, style: str | None = None, reference: Motion | None = None, n: int = 1, seed=0):
-        """The motion in another style. InputError: no system here stylizes yet."""
-        raise self._absent("stylization")
+    @property
+    def styles(self) -> tuple[str, ...]:
+        """The styles that :meth:`stylize` knows by name."""
+        return self._open("stylization", "open_stylizer").styles
+
+    def stylize(
+        self,
+        motions: Motion | Sequence[Motion],
+        style: str | None = None,
+        reference: Motion | None = None,
+        n: int = 1,
+        seed: int = 0,
+        strength: float = 1.0,
+    ) -> list[Any]:
+        """A motion in another style: of a label, of a reference motion, of both, or of neither, drawn at random.
+
+        Args:
+            motions: one or several, of any length, on any rig that can be retargeted and at any rate.
+            style: a name among :attr:`styles`.
+            reference: a motion in the wanted style, of at least a second or two. With `style` it says in which way.
+            n: variants; a reference has only one.
+            seed: equal motion, style, seed and variant give an equal result, whatever else is asked with them.
+            strength: 0 keeps the motion as it is, 1 is the full style, more exaggerates.
+
+        Returns:
+            n motions, as long as the given one, at the models' rate and on their skeleton, starting at the origin;
+            for several motions a list of n for each.
+
+        Raises:
+            InputError: an unknown style (the known ones are listed), a reference that is too short, an unknown rig,
+                a value out of range, missing models.
+        """
+        from motionary.styling import stylize
+
+        several = listed(motions, Motion, "motions")
+        transfer = self._open("stylization", "open_stylizer")
+        with self._lock:
+            found = stylize(transfer, several, style, reference, n, seed, strength)
+        return found[0] if isinstance(motions, Motion) else found
+
+    def interpolate(
+        self, motion: Motion, first: str | Motion, second: str | Motion, steps: int = 5, seed: int = 0
+    ) -> list[Motion]:
+        """A motion in `steps` styles from one to another: two names among :attr:`styles`, or two reference motions.
+
+        Raises:
+            InputError: as :meth:`stylize`; also where one end is a name and the other a motion.
+        """
+        from motionary.styling import interpolate
+
+        (content,) = listed(motion, Motion, "motion")
+        transfer = self._open("stylization", "open_stylizer")
+        with self._lock:
+            return interpolate(transfer, content, first, second, steps, seed)
 
     def act(self, action: str, n: int = 1, seconds: float | None = None, seed: int = 0):
         """Motions of an action label. InputError: no system here acts yet."""

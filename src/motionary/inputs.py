@@ -15,20 +15,22 @@ from motionary.motion import Motion, canonicalize, resample, retarget
 T = TypeVar("T")
 
 
-def encode(motion: Motion, context: Context) -> np.ndarray:
+def encode(motion: Motion, context: Context, whole: bool = False) -> np.ndarray:
     """Raw features (T, D) of any motion, as preprocess would make them; T is a multiple of the unit, and at most
-    the longest that models learn.
+    the longest that models learn, or, where the motion shall come `whole`, all of its frames at the models' rate.
 
     Raises:
         InputError: shorter than one unit, on an unknown rig, or not finite once encoded.
     """
     motion = retarget(resample(without_bind_pose(motion), context.fps), context.skeleton)
-    if motion.frames % context.unit == 0:
+    if motion.frames > 1 and (whole or motion.frames % context.unit == 0):
         # T features decode to T frames, but it takes T + 1 to encode them: the last step is repeated, so that a
         # generated motion is read whole.
         after = 2 * motion.positions[-1:] - motion.positions[-2:-1]
         motion = Motion(np.concatenate([motion.positions, after]), motion.fps, motion.skeleton)
-    frames = min(motion.frames - 1, context.max_frames) // context.unit * context.unit
+    frames = motion.frames - 1
+    if not whole:
+        frames = min(frames, context.max_frames) // context.unit * context.unit
     if frames < context.unit:
         least = context.unit / context.fps
         raise InputError("motion", f"{motion.duration:.3f} s", f"must last at least {least:g} s")

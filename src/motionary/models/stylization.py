@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from sys import stderr
 from typing import Any
 
 import torch
@@ -178,7 +178,7 @@ def trainable(settings: Sequence[str], context: Any) -> list[str]:
             raise InputError("stylization.settings", setting, f"must be among {', '.join(SETTINGS)}")
     kept = [setting for setting in settings if setting == "unsupervised" or context.styles]
     if "supervised" in settings and "supervised" not in kept:
-        print("supervised stylization is left out: the corpus has no style labels in its clips.jsonl", file=stderr)
+        print("supervised stylization is left out: the corpus has no style labels in its clips.jsonl", file=sys.stderr)
     if not kept:
         raise InputError("stylization.settings", list(settings), "must name a setting that the corpus has labels for")
     return list(dict.fromkeys(kept))
