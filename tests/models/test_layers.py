@@ -45,6 +45,25 @@ def test_recurrence_and_its_gradients_equal_torch():
         torch.testing.assert_close(found, expected)
 
 
+def test_last_states_alone_are_the_same_and_so_are_their_gradients():
+    torch.manual_seed(0)
+    layer, lengths = BiGRU(5, 7).double(), torch.tensor([3, 9, 1, 6])
+    results = []
+    for run in (lambda m, x, n: reference(m, x, n)[1], lambda m, x, n: m(x, n)[1], lambda m, x, n: m.last(x, n)):
+        x = torch.arange(4 * 9 * 5).reshape(4, 9, 5).double().cos().requires_grad_()
+        layer.zero_grad()
+        last = run(layer, x, lengths)
+        last.sin().sum().backward()
+        results.append([last, x.grad, *(p.grad.clone() for p in layer.parameters())])
+    for expected, *found in zip(*results, strict=True):
+        for values in found:
+            torch.testing.assert_close(values, expected)
+    x = torch.arange(4 * 9 * 5).reshape(4, 9, 5).double().cos().requires_grad_()
+    layer(x, lengths)[0].sin().sum().backward()  # the outputs alone
+    expected = torch.autograd.grad(reference(layer, x, lengths)[0].sin().sum(), x)[0]
+    torch.testing.assert_close(x.grad, expected)
+
+
 def test_recurrence_passes_a_numerical_gradient_check():
     torch.manual_seed(0)
     layer, lengths = BiGRU(2, 3).double(), torch.tensor([4, 2])

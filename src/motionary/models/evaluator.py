@@ -93,7 +93,7 @@ class Evaluator(nn.Module):
 
     def embed_text(self, ids: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
         """Features of sentences."""
-        _, sentence = self.text(ids, tags if self.config.tags else None, count)
+        sentence = self.text.sentence(ids, tags if self.config.tags else None, count)
         return self._place(self.text_head(self.dropout(sentence)))
 
     def embed_motion(self, raw: Tensor, frames: Tensor) -> Tensor:
@@ -102,7 +102,7 @@ class Evaluator(nn.Module):
             raise InputError("frames", int(frames.min()), f"a motion needs at least {UNIT} frames")
         with torch.no_grad():
             codes = self.snippets(raw, frames)
-        _, state = self.motion(self.dropout(codes), torch.div(frames, UNIT, rounding_mode="floor"))
+        state = self.motion.last(self.dropout(codes), torch.div(frames, UNIT, rounding_mode="floor"))
         return self._place(self.motion_head(self.dropout(state)))
 
     def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:

@@ -120,7 +120,14 @@ class TextEncoder(nn.Module):
         self.width = 2 * hidden
 
     def forward(self, ids: Tensor, tags: Tensor | None, count: Tensor) -> tuple[Tensor, Tensor]:
-        return self.recurrent(self.dropout(self.input(self.embedding(ids, tags))), count)
+        return self.recurrent(self._read(ids, tags), count)
+
+    def sentence(self, ids: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
+        """The sentence feature alone, for less."""
+        return self.recurrent.last(self._read(ids, tags), count)
+
+    def _read(self, ids: Tensor, tags: Tensor | None) -> Tensor:
+        return self.dropout(self.input(self.embedding(ids, tags)))
 
 
 def load_word_vectors(model: nn.Module, vectors: np.ndarray | None) -> None:

@@ -37,6 +37,7 @@ class _Scan(torch.autograd.Function):
             state[:count] = out[rows]
             reset_update[rows], new[rows], hidden_new[rows] = gate, candidate, hidden[:, 2 * width :]
         ctx.steps = steps
+        ctx.set_materialize_grads(False)  # where only the last state is used, no zeros are made and added
         ctx.save_for_backward(weight, before, reset_update, new, hidden_new)
         return out, state
 
@@ -48,23 +49,27 @@ class _Scan(torch.autograd.Function):
         reset, update = reset_update[:, :width], reset_update[:, width:]
         # d(pre-activation) = factor * d(state): every factor is known before the loop runs backwards.
         to_new = (1 - update) * (1 - new * new)
-        to_reset = to_new * hidden_new * reset * (1 - reset)
-        to_update = (before - new) * update * (1 - update)
-        factors = torch.stack((to_reset, to_update, to_new * reset), dim=1)  # (N, 3, h)
+        factors = torch.empty(len(new), 3, width, dtype=new.dtype, device=new.device)
+        torch.mul(to_new, reset, out=factors[:, 2])
+        torch.mul(factors[:, 2] * (1 - reset), hidden_new, out=factors[:, 0])
+        torch.mul((before - new) * update, 1 - update, out=factors[:, 1])
         grad_hidden = torch.empty_like(factors)
         flow = torch.empty_like(new)
-        grad = grad_state.clone()
+        grad = new.new_zeros(max(count for _, count in ctx.steps), width) if grad_state is None else grad_state.clone()
         for first, count in reversed(ctx.steps):
             rows = slice(first, first + count)
-            step = grad[:count] + grad_out[rows]
+            step = grad[:count]
+            if grad_out is not None:
+                step = step + grad_out[rows]
             flow[rows] = step
             torch.mul(factors[rows], step[:, None], out=grad_hidden[rows])
             grad[:count] = torch.addmm(step * update[rows], grad_hidden[rows].flatten(1), weight)
         flat = grad_hidden.flatten(1)
         grad_weight = flat.t() @ before
         grad_bias = flat.sum(0)
-        grad_gates = torch.cat((flat[:, : 2 * width], to_new * flow), dim=1)
-        return grad_gates, grad_weight, grad_bias, grad, None, None
+        # Of the input's share only the new gate's gradient differs from the hidden one's: it takes its place.
+        torch.mul(to_new, flow, out=grad_hidden[:, 2])
+        return flat, grad_weight, grad_bias, grad, None, None
 
 
 def _steps(counts: list[int], reverse: bool) -> list[tuple[int, int]]:
@@ -102,16 +107,30 @@ class BiGRU(nn.Module):
         self.unit = nn.GRU(inputs, hidden, batch_first=True, bidirectional=True)
 
     def forward(self, x: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-        packed = pack_padded_sequence(x, lengths.cpu(), batch_first=True, enforce_sorted=False)
+        packed = _pack(x, lengths)
         if x.is_cuda:  # cuDNN's own kernels are faster there
             out, last = self.unit(packed)
             padded, _ = pad_packed_sequence(out, batch_first=True, total_length=x.shape[1])
             return padded, torch.cat((last[0], last[1]), dim=-1)
-        forward, forward_last = gru_scan(packed, self.unit)
-        backward, backward_last = gru_scan(packed, self.unit, "l0_reverse")
+        (forward, forward_last), (backward, backward_last) = self._scan(packed)
         both = PackedSequence(
             torch.cat((forward, backward), -1), packed.batch_sizes, packed.sorted_indices, packed.unsorted_indices
         )
         padded, _ = pad_packed_sequence(both, batch_first=True, total_length=x.shape[1])
         last = torch.cat((forward_last, backward_last), dim=-1)
         return padded, last[packed.unsorted_indices]
+
+    def last(self, x: Tensor, lengths: Tensor) -> Tensor:
+        """The last states (B, 2h) of :meth:`forward` alone, without the copies that its outputs take."""
+        if x.is_cuda:
+            return self(x, lengths)[1]
+        packed = _pack(x, lengths)
+        (_, forward), (_, backward) = self._scan(packed)
+        return torch.cat((forward, backward), dim=-1)[packed.unsorted_indices]
+
+    def _scan(self, packed: PackedSequence):
+        return gru_scan(packed, self.unit), gru_scan(packed, self.unit, "l0_reverse")
+
+
+def _pack(x: Tensor, lengths: Tensor) -> PackedSequence:
+    return pack_padded_sequence(x, lengths.cpu(), batch_first=True, enforce_sorted=False)

@@ -75,7 +75,7 @@ class Text2Length(nn.Module):
         )
 
     def forward(self, words: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
-        return self.head(self.text(words, tags, count)[1])
+        return self.head(self.text.sentence(words, tags, count))
 
     def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """Cross-entropy with the true length, or with a bell around it (`spread`)."""
