@@ -8,10 +8,11 @@ import pytest
 import torch
 
 from motionary.bench import __main__ as bench
-from motionary.bench.cases import CASES, Case, clock
+from motionary.bench.cases import CASES
 from motionary.bench.made import make_batch, make_context
 from motionary.bench.measure import convolution_flops, cpu_time, least_time, peak_memory
 from motionary.bench.shapes import SMALL, Shapes
+from motionary.bench.work import Case, clock
 from motionary.models.tokenizer import Tokenizer, TokenizerConfig
 
 NAMES = [case.name for case in CASES]
@@ -21,16 +22,18 @@ def test_every_figure_of_the_issue_has_a_case():
     bounds = {case.name: case.bound for case in CASES if case.bound is not None}
     assert bounds == {
         "features": 0.006, "tokenizer": 14.7, "motion2text": 6.0, "captions": 3.0, "text2token": 7.0,
-        "inverse_alignment": 12.0, "texts": 15.0, "metrics": 0.15,
+        "inverse_alignment": 12.0, "texts": 15.0, "metrics": 0.15, "evaluator": 1.8, "text2length": 0.3,
+        "text2motion": 7.5, "prompts": 1.5,
     }  # fmt: skip
     assert len(set(NAMES)) == len(NAMES)
-    assert {"evaluator", "autoencoder", "mp4", "glb", "bvh"} < set(NAMES)
+    assert {"autoencoder", "mp4", "glb", "bvh"} < set(NAMES)
 
 
 def test_shapes_are_those_of_the_papers():
     paper = Shapes()
     assert (paper.windows, paper.window, paper.width, paper.codes) == (128, 64, 1024, 1024)
     assert (paper.batch, paper.source, paper.words, paper.unrolled) == (64, 55, 21, 54)
+    assert (paper.sequences, paper.snippets, paper.prompts, paper.pairs) == (32, 50, 32, 32)
     assert (paper.captions, paper.caption_words, paper.texts, paper.items) == (32, 30, 300, 4000)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,48 +17,11 @@ import torch
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
 from motionary.bench.measure import convolution_flops, least_time, matmul_rate
 from motionary.bench.shapes import Shapes
+from motionary.bench.temporal import prompts, text2length, text2motion
+from motionary.bench.work import Case, Work, clock, noise, training_step
 
 # Modules of the project are imported by the case that needs them: one that is absent is then reported as such, and
 # the others still run in as little memory as they need.
-
-
-@dataclass(frozen=True)
-class Work:
-    """Prepared work: `run` is timed; `note` is called with its seconds afterwards and says what else is worth it."""
-
-    run: Callable[[], Any]
-    note: Callable[[float], str] = field(default=lambda seconds: "")
-
-
-@dataclass(frozen=True)
-class Case:
-    """One row of the table; times in seconds of CPU, None where there is no such figure."""
-
-    name: str
-    title: str
-    prepare: Callable[[Shapes], Work]
-    reference: float | None = None
-    bound: float | None = None
-
-
-def _step(model: torch.nn.Module, loss: Callable[[], torch.Tensor], clip: float = 0.0) -> Callable[[], None]:
-    """A whole training step: loss, gradients, clipping, Adam."""
-    parameters = [p for p in model.parameters() if p.requires_grad]
-    optimizer = torch.optim.AdamW(parameters, lr=1e-4)
-    model.train()
-
-    def run() -> None:
-        loss().backward()
-        if clip:
-            torch.nn.utils.clip_grad_norm_(parameters, clip)
-        optimizer.step()
-        optimizer.zero_grad(set_to_none=True)
-
-    return run
-
-
-def _generator() -> torch.Generator:
-    return torch.Generator().manual_seed(0)
 
 
 def _features(shapes: Shapes) -> Work:
@@ -90,7 +52,7 @@ def _tokenizer_model(shapes: Shapes, context: Any):
 def _tokenizer(shapes: Shapes) -> Work:
     model = _tokenizer_model(shapes, make_context(shapes)).train()
     one, batch = make_batch(1, shapes.window), make_batch(shapes.windows, shapes.window)
-    flops = shapes.windows * convolution_flops(model, lambda: model.loss(one, 0.5, _generator()))
+    flops = shapes.windows * convolution_flops(model, lambda: model.loss(one, 0.5, noise()))
     flops += 2 * shapes.windows * (shapes.window // 4) * shapes.codes * shapes.width  # of the nearest codes
     before = matmul_rate(shapes.matmul)
 
@@ -99,7 +61,7 @@ def _tokenizer(shapes: Shapes) -> Work:
         share = flops / seconds / peak
         return f"{flops / 1e9:.0f} GFLOP at {flops / seconds / 1e9:.1f} GFLOP/s, {share:.0%} of the matmul rate"
 
-    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0]), note)
+    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0]), note)
 
 
 def _captioner(shapes: Shapes, context: Any):
@@ -117,7 +79,7 @@ def _motion2text(shapes: Shapes) -> Work:
     batch = make_batch(
         shapes.batch, words=shapes.words, tokens=shapes.source - 2, codes=shapes.codes, vocabulary=shapes.vocabulary
     )
-    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0]))
+    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0]))
 
 
 class _Endless:
@@ -165,7 +127,7 @@ def _text2token(shapes: Shapes) -> Work:
     batch = make_batch(
         shapes.batch, words=shapes.words, tokens=shapes.unrolled - 1, codes=shapes.codes, vocabulary=shapes.vocabulary
     )
-    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0], clip=0.5))
+    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
 def _inverse_alignment(shapes: Shapes) -> Work:
@@ -175,7 +137,7 @@ def _inverse_alignment(shapes: Shapes) -> Work:
     model = InverseAlignment(InverseAlignmentConfig(**_generator_settings(shapes)), context)
     model.learn_from(_captioner(shapes, context))
     batch = make_batch(shapes.batch, words=shapes.words, vocabulary=shapes.vocabulary)
-    return Work(_step(model, lambda: model.caption_loss(batch, _generator())[0], clip=0.5))
+    return Work(training_step(model, lambda: model.caption_loss(batch, noise())[0], clip=0.5))
 
 
 def _texts(shapes: Shapes) -> Work:
@@ -199,7 +161,7 @@ def _evaluator(shapes: Shapes) -> Work:
     )  # fmt: skip
     model = Evaluator(config, make_context(shapes))
     batch = make_batch(shapes.pairs, 4 * shapes.tokens, shapes.words, vocabulary=shapes.vocabulary)
-    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0], clip=0.5))
+    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
 def _autoencoder(shapes: Shapes) -> Work:
@@ -208,7 +170,7 @@ def _autoencoder(shapes: Shapes) -> Work:
     config = AutoencoderConfig(width=shapes.snippet_width, code_dim=shapes.snippet_width)
     model = Autoencoder(config, make_context(shapes))
     batch = make_batch(shapes.snippet_windows, shapes.snippet_window)
-    return Work(_step(model, lambda: model.loss(batch, 0.5, _generator())[0]))
+    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0]))
 
 
 def _metrics(shapes: Shapes) -> Work:
@@ -243,13 +205,6 @@ def _read_bvh(shapes: Shapes) -> Work:
     return Work(lambda: (folder.name, read_motion(path)))
 
 
-def clock(seconds: float) -> str:
-    """Seconds as a reader wants them: 4.2 ms, 0.85 s, 14.7 s."""
-    if seconds < 0.1:
-        return f"{1000 * seconds:.1f} ms"
-    return f"{seconds:.2f} s" if seconds < 10 else f"{seconds:.1f} s"
-
-
 CASES: tuple[Case, ...] = (
     Case("features", "263 features of a clip of 200 frames", _features, 0.042, 0.006),
     Case("recover", "positions of 196 frames of features", _recover, 0.0009),
@@ -260,7 +215,10 @@ CASES: tuple[Case, ...] = (
     Case("inverse_alignment", "inverse-alignment half step (captions), batch 64", _inverse_alignment, 26.2, 12.0),
     Case("texts", "300 texts to motions of 196 frames", _texts, 41.0, 15.0),
     Case("autoencoder", "autoencoder step, 128 windows x 40 frames", _autoencoder, 0.81),
-    Case("evaluator", "evaluator step, 32 pairs x 196 frames", _evaluator, 2.7),
+    Case("evaluator", "evaluator step, 32 pairs x 196 frames", _evaluator, 2.7, 1.8),
+    Case("text2length", "text2length step, batch 64", text2length, 0.45, 0.3),
+    Case("text2motion", "temporal VAE step, batch 32, 50 codes", text2motion, 11.5, 7.5),
+    Case("prompts", "32 texts by the temporal VAE, 196 frames", prompts, 2.4, 1.5),
     Case("metrics", "R-precision and FID of 4000 x 512", _metrics, 0.4625, 0.15),
     Case("mp4", "a motion of 10 s to mp4", _write(".mp4")),
     Case("glb", "a motion of 10 s to glb, with a body", _write(".glb")),

@@ -16,8 +16,8 @@ FEATURES = 263
 FPS = 20.0
 
 
-def make_context(shapes: Shapes) -> Context:
-    """A context of 22 joints whose vocabulary has `shapes.vocabulary` words."""
+def make_context(shapes: Shapes, max_frames: int = 196) -> Context:
+    """A context of 22 joints whose vocabulary has `shapes.vocabulary` words, and whose windows `max_frames` frames."""
     words = tuple(f"word{i}" for i in range(shapes.vocabulary - UNKNOWN - 1))
     sentence = Sentence(" ".join(words), words, ("OTHER",) * len(words))
     return Context(
@@ -28,14 +28,23 @@ def make_context(shapes: Shapes) -> Context:
         mean=np.zeros(FEATURES, np.float32),
         std=np.ones(FEATURES, np.float32),
         vocabulary=Vocabulary.build([sentence]),
-        max_frames=196,
+        max_frames=max_frames,
     )
 
 
 def make_batch(
-    items: int, frames: int = 0, words: int = 0, tokens: int = 0, codes: int = 0, vocabulary: int = 0
+    items: int,
+    frames: int = 0,
+    words: int = 0,
+    tokens: int = 0,
+    codes: int = 0,
+    vocabulary: int = 0,
+    least_words: int = 0,
 ) -> Batch:
-    """Full-length items: features (items, frames, 263), `words` predicted words each, and `tokens` motion codes."""
+    """Full-length items: features (items, frames, 263), `words` predicted words each, and `tokens` motion codes.
+
+    With `least_words` captions have from that many words to `words`, spread evenly.
+    """
     rng = torch.Generator().manual_seed(0)
     batch = Batch(clip=torch.arange(items), text_key=torch.arange(items))
     if frames:
@@ -45,7 +54,7 @@ def make_batch(
         batch.words = torch.randint(UNKNOWN + 1, vocabulary, (items, words + 1), generator=rng)
         batch.words[:, 0], batch.words[:, -1] = START, END
         batch.tags = torch.randint(0, 15, batch.words.shape, generator=rng)
-        batch.word_count = torch.full((items,), words + 1)
+        batch.word_count = torch.linspace(least_words or words, words, items).round().long() + 1
     if tokens:
         batch.tokens = torch.randint(0, codes, (items, tokens), generator=rng)
         batch.token_count = torch.full((items,), tokens)

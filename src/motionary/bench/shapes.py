@@ -25,6 +25,9 @@ class Shapes:
         texts: sentences turned into motions.
         snippet_windows, snippet_window, snippet_width: autoencoder batch, frames, channels.
         pairs, motion_width, embedding: evaluator batch, motion GRU, dimensions of the common space.
+        sequences, snippets, latent: text2motion batch, snippet codes that the temporal VAE is unrolled for, dimensions
+            of z; its GRUs have gru_width, its text encoder text_width.
+        prompts: sentences that the temporal VAE turns into motions of 4 x tokens frames.
         items: rows of the features that R-precision and FID are computed of.
         seconds: length of the motion that is written to files.
         matmul: rows of the matrices whose product measures the machine.
@@ -57,6 +60,10 @@ class Shapes:
     pairs: int = 32
     motion_width: int = 1024
     embedding: int = 512
+    sequences: int = 32
+    snippets: int = 50
+    latent: int = 128
+    prompts: int = 32
     items: int = 4000
     seconds: float = 10.0
     matmul: int = 1536
@@ -66,5 +73,5 @@ SMALL = Shapes(
     clip_frames=40, vocabulary=50, windows=4, window=16, width=16, codes=16, batch=4, source=9, words=6, unrolled=8,
     tokens=6, transformer_width=16, layers=1, feed_forward=32, heads=2, text_width=8, gru_width=16, word_dim=8,
     captions=3, caption_words=4, texts=5, snippet_windows=4, snippet_window=16, snippet_width=16, pairs=4,
-    motion_width=8, embedding=12, items=64, seconds=0.5, matmul=64,
+    motion_width=8, embedding=12, sequences=4, snippets=6, latent=4, prompts=5, items=64, seconds=0.5, matmul=64,
 )  # fmt: skip

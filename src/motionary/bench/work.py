@@ -1,0 +1,57 @@
+"""What a case is, and what several cases need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+
+from motionary.bench.shapes import Shapes
+
+
+@dataclass(frozen=True)
+class Work:
+    """Prepared work: `run` is timed; `note` is called with its seconds afterwards and says what else is worth it."""
+
+    run: Callable[[], Any]
+    note: Callable[[float], str] = field(default=lambda seconds: "")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the table; times in seconds of CPU, None where there is no such figure."""
+
+    name: str
+    title: str
+    prepare: Callable[[Shapes], Work]
+    reference: float | None = None
+    bound: float | None = None
+
+
+def training_step(model: torch.nn.Module, loss: Callable[[], torch.Tensor], clip: float = 0.0) -> Callable[[], None]:
+    """A whole training step: loss, gradients, clipping, Adam."""
+    parameters = [p for p in model.parameters() if p.requires_grad]
+    optimizer = torch.optim.AdamW(parameters, lr=1e-4, fused=True)
+    model.train()
+
+    def run() -> None:
+        loss().backward()
+        if clip:
+            torch.nn.utils.clip_grad_norm_(parameters, clip)
+        optimizer.step()
+        optimizer.zero_grad(set_to_none=True)
+
+    return run
+
+
+def noise() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+def clock(seconds: float) -> str:
+    """Seconds as a reader wants them: 4.2 ms, 0.85 s, 14.7 s."""
+    if seconds < 0.1:
+        return f"{1000 * seconds:.1f} ms"
+    return f"{seconds:.2f} s" if seconds < 10 else f"{seconds:.1f} s"
