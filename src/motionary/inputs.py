@@ -28,11 +28,11 @@ def encode(motion: Motion, context: Context, whole: bool = False) -> np.ndarray:
         # generated motion is read whole.
         after = 2 * motion.positions[-1:] - motion.positions[-2:-1]
         motion = Motion(np.concatenate([motion.positions, after]), motion.fps, motion.skeleton)
-    frames = motion.frames - 1
+    frames, shortest = motion.frames - 1, 1
     if not whole:
-        frames = min(frames, context.max_frames) // context.unit * context.unit
-    if frames < context.unit:
-        least = context.unit / context.fps
+        frames, shortest = min(frames, context.max_frames) // context.unit * context.unit, context.unit
+    if frames < shortest:
+        least = max(shortest, 2) / context.fps
         raise InputError("motion", f"{motion.duration:.3f} s", f"must last at least {least:g} s")
     features = context.make_codec().encode(canonicalize(motion.crop(0, frames + 1)))
     if not np.isfinite(features).all():

@@ -50,20 +50,21 @@ def interpolate(
     """The motion in `steps` styles from the first to the second; see the dictionary's method."""
     import torch
 
+    from motionary.models.motion_generator import normal_noise
+
     check_whole("steps", steps, 2)
     check_whole("seed", seed, 0)
     ends = (first, second)
     if all(isinstance(end, str) for end in ends):
         setting, labels = "supervised", [label_of(transfer, str(end)) for end in ends]
-        noise = np.random.default_rng(_seed(seed, 0)).standard_normal(transfer.model(setting).config.style_dim)
-        codes = np.stack([noise, noise]).astype(np.float32)
+        codes = normal_noise([_seed(seed, 0)] * 2, 1, transfer.model(setting).config.style_dim)[:, 0]
     elif all(isinstance(end, Motion) for end in ends):
         setting, labels = "unsupervised", None
         references = [_reference(transfer, end) for end in ends if isinstance(end, Motion)]
-        codes = transfer.style_codes(references, setting=setting)
+        codes = torch.from_numpy(transfer.style_codes(references, setting=setting))
     else:
         raise InputError("first, second", f"{first!r}, {second!r}"[:80], "must be two styles or two motions")
-    style = transfer.style(torch.from_numpy(codes), labels, setting)
+    style = transfer.style(codes, labels, setting)
     share = torch.linspace(0, 1, steps, device=style.device)[:, None]
     content = encode(motion, transfer.context, whole=True)
     mixed = (1 - share) * style[:1] + share * style[1:]
