@@ -1,0 +1,130 @@
+"""A motion as nodes of a visitor's scene: limbs of a skeleton, or a skinned mannequin."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from motionary.formats.figure import COLORS, segments
+from motionary.formats.mesh import mannequin, rest_positions
+from motionary.formats.rig import Track, to_locals
+from motionary.motion import Motion
+from motionary.motion.rotations import between, to_quaternions
+
+LOOKS = ("skeleton", "mannequin")
+_SIDES = 10
+
+
+class Figure(Protocol):
+    """Something in the scene that can take the pose of any frame."""
+
+    def pose(self, frame: int) -> None:
+        """Moves to a frame."""
+        ...
+
+    def remove(self) -> None:
+        """Takes it out of the scene."""
+        ...
+
+
+def make_figure(scene: Any, name: str, motion: Motion, shift: np.ndarray, look: str) -> Figure:
+    """A figure of the motion, moved by `shift` (3,) metres; a rig that no mannequin fits is shown as its skeleton."""
+    if look == "mannequin":
+        local = to_locals(motion)
+        if mannequin(local.skeleton) is not None:
+            return _Mannequin(scene, name, local, shift)
+    return _Limbs(scene, name, motion, shift)
+
+
+class _Limbs:
+    """Cylinders and balls: all limbs of a motion are two nodes, so that a frame is three small messages."""
+
+    def __init__(self, scene: Any, name: str, motion: Motion, shift: np.ndarray):
+        positions = motion.positions.astype(np.float64) + shift
+        begins, ends, radii, sides = segments(motion.skeleton, positions)
+        along = ends - begins
+        length = np.linalg.norm(along, axis=-1)
+        radius, colors = radii.mean(-1), COLORS[sides].astype(np.uint8)
+        turns = to_quaternions(between(np.array([0.0, 1.0, 0.0]), np.where(length[..., None] > 1e-6, along, [0, 1, 0])))
+        self.turns = np.roll(turns, 1, axis=-1).astype(np.float32)  # viser wants w first
+        self.middles = ((begins + ends) / 2).astype(np.float32)
+        self.tips = np.concatenate([begins, ends], axis=1).astype(np.float32)
+        scales = np.stack([radius, np.median(length, axis=0), radius], -1)
+        tube, ball = _tube(), _ball()
+        self.tubes = scene.add_batched_meshes_simple(
+            f"{name}/limbs", *tube, self.turns[0], self.middles[0], batched_scales=scales, batched_colors=colors,
+            lod="off",
+        )  # fmt: skip
+        still = np.tile(np.float32([1, 0, 0, 0]), (2 * len(radius), 1))
+        self.balls = scene.add_batched_meshes_simple(
+            f"{name}/joints", *ball, still, self.tips[0], batched_scales=np.concatenate([radii[:, 0], radii[:, 1]]),
+            batched_colors=np.concatenate([colors, colors]), lod="off",
+        )  # fmt: skip
+
+    def pose(self, frame: int) -> None:
+        self.tubes.batched_positions = self.middles[frame]
+        self.tubes.batched_wxyzs = self.turns[frame]
+        self.balls.batched_positions = self.tips[frame]
+
+    def remove(self) -> None:
+        self.tubes.remove()
+        self.balls.remove()
+
+
+class _Mannequin:
+    """The wooden figure of the glb files, its bones set frame by frame."""
+
+    def __init__(self, scene: Any, name: str, local: Any, shift: np.ndarray):
+        body = mannequin(local.skeleton)
+        assert body is not None
+        bones = np.unique(body.joints[body.weights > 0])
+        place = np.zeros(len(local.skeleton.joints), int)
+        place[bones] = np.arange(len(bones))
+        weights = np.zeros((len(body.vertices), len(bones)), np.float32)
+        rows = np.arange(len(weights))
+        for k in range(body.joints.shape[1]):
+            weights[rows, place[body.joints[:, k]]] += body.weights[:, k]
+        track = Track(local.skeleton.joints, local.skeleton.parents, local.rotations, local.translations)
+        positions, rotations = track.place()
+        self.positions = (positions + shift)[:, bones]
+        self.rotations = np.roll(rotations[:, bones], 1, axis=-1)
+        self.mesh = scene.add_mesh_skinned(
+            f"{name}/mannequin", body.vertices, body.faces,
+            bone_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (len(bones), 1)),
+            bone_positions=rest_positions(local.skeleton)[bones], skin_weights=weights,
+            color=tuple(int(c) for c in body.colors[0]),
+        )  # fmt: skip
+        self.pose(0)
+
+    def pose(self, frame: int) -> None:
+        for bone, position, rotation in zip(self.mesh.bones, self.positions[frame], self.rotations[frame], strict=True):
+            bone.position, bone.wxyz = position, rotation
+
+    def remove(self) -> None:
+        self.mesh.remove()
+
+
+def _tube() -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces of an open cylinder along y, of radius and length one."""
+    angle = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
+    ring = np.stack([np.cos(angle), np.zeros(_SIDES), np.sin(angle)], -1)
+    up = np.array([0, 0.5, 0])
+    vertices = np.concatenate([ring - up, ring + up])
+    a = np.arange(_SIDES)
+    b = (a + 1) % _SIDES
+    faces = np.concatenate([np.stack([a, a + _SIDES, b], -1), np.stack([b, a + _SIDES, b + _SIDES], -1)])
+    return vertices.astype(np.float32), faces.astype(np.uint32)
+
+
+def _ball(rings: int = 6) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces of a ball of radius one."""
+    up, around = np.meshgrid(
+        np.linspace(-np.pi / 2, np.pi / 2, rings + 1), np.linspace(0, 2 * np.pi, _SIDES, endpoint=False), indexing="ij"
+    )
+    vertices = np.stack([np.cos(up) * np.cos(around), np.sin(up), np.cos(up) * np.sin(around)], -1).reshape(-1, 3)
+    row, a = np.meshgrid(np.arange(rings), np.arange(_SIDES), indexing="ij")
+    b, row = (a + 1) % _SIDES, row * _SIDES
+    first = np.stack([row + a, row + a + _SIDES, row + b], -1)
+    second = np.stack([row + b, row + a + _SIDES, row + b + _SIDES], -1)
+    return vertices.astype(np.float32), np.concatenate([first, second]).reshape(-1, 3).astype(np.uint32)

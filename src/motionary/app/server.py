@@ -1,0 +1,150 @@
+"""The page's server: who may connect, what may be sent to it, and what opens behind it."""
+
+from __future__ import annotations
+
+import errno
+import importlib.util
+import socket
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import viser
+from viser import _messages as messages
+
+from motionary.app.panel import Panel
+from motionary.app.work import MOST_BYTES, Workers
+from motionary.dictionary import Dictionary, load
+from motionary.errors import InputError
+
+HOST, PORT = "127.0.0.1", 8080
+
+
+class _Server(viser.ViserServer):
+    def request_share_url(self, verbose: bool = True) -> str | None:
+        """Never: any visitor could ask for a public tunnel to this machine."""
+        return None
+
+
+class App:
+    """A running page. Each visitor has a panel and a scene of their own.
+
+    Attributes:
+        url: where it is.
+    """
+
+    def __init__(self, models: str | Path = "models", device: str = "auto", host: str = HOST, port: int = PORT):
+        """
+        Args:
+            models, device: see `motionary.load`.
+            host: the address to listen on; the default is reached from this machine alone.
+            port: 0 takes any that is free.
+
+        Raises:
+            InputError: no models, or an address that cannot be had: what, value, rule.
+        """
+        self.dictionary = load(models, device)
+        self.workers = Workers()
+        self._panels: dict[int, Panel] = {}
+        check_port(host, port)
+        self.server = _Server(host=host, port=port, label="motionary", verbose=False)
+        if port and self.server.get_port() != port:  # viser takes the next one where another program was faster
+            self.close()
+            raise InputError("--port", port, "in use; choose another")
+        self.url = f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
+        self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        self.server.scene.set_up_direction("+y")
+        self.server.scene.add_grid("/floor", width=30, height=30, plane="xz", cell_size=0.5, section_size=2.0)
+        self.generators = systems_with(self.dictionary, "open_generator")
+        self.server.on_client_connect(self._welcome)
+        self.server.on_client_disconnect(self._leave)
+        threading.Thread(target=self._warm, daemon=True, name="warm").start()
+
+    def close(self) -> None:
+        """Stops serving."""
+        for panel in list(self._panels.values()):
+            panel.close()
+        self.workers.close()
+        if hasattr(self, "server"):
+            self.server.stop()
+
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        limit_uploads(client)
+        self._panels[client.client_id] = Panel(client, self.dictionary, self.workers, self.generators)
+
+    def _leave(self, client: viser.ClientHandle) -> None:
+        if (panel := self._panels.pop(client.client_id, None)) is not None:
+            panel.close()
+
+    def _warm(self) -> None:
+        """Opens behind the page what the first visitor will ask for, so that it answers at once."""
+        try:
+            for system in self.generators[:1]:
+                self.dictionary.generate("a person walks", system=system, seconds=1)
+        except Exception as error:  # it is said again, to whoever asks
+            print(f"warning: {error}", file=sys.stderr)
+
+
+def serve(models: str, device: str, host: str, port: int) -> None:
+    """Serves until interrupted; see :class:`App`."""
+    app = App(models, device, host, port)
+    print(f"motionary is at {app.url} (stop with Ctrl-C)", flush=True)
+    try:
+        threading.Event().wait()
+    finally:
+        app.close()
+
+
+def check_port(host: str, port: int) -> None:
+    """InputError where nothing can listen there."""
+    if not 0 <= port < 65536:
+        raise InputError("--port", port, "must be 0 to 65535")
+    try:
+        family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, proto) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except socket.gaierror:
+        raise InputError("--host", host, "must be an address of this machine") from None
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise InputError("--port", port, "in use; choose another") from None
+        raise InputError("--host, --port", f"{host}:{port}", error.strerror or "cannot listen there") from None
+
+
+def systems_with(dictionary: Dictionary, opener: str) -> tuple[str, ...]:
+    """The systems in the folder that have an opener of this kind, the usual one first; imports none of them."""
+    from motionary.dictionary import CAPTIONER, GENERATOR
+
+    found = []
+    for name in dictionary.systems:
+        spec = importlib.util.find_spec(f"motionary.models.{name}") if name.isidentifier() else None
+        if spec and spec.origin and f"def {opener}(" in Path(spec.origin).read_text(encoding="utf-8"):
+            found.append(name)
+    return tuple(sorted(found, key=lambda name: (name not in (GENERATOR, CAPTIONER), name)))
+
+
+def limit_uploads(client: viser.ClientHandle) -> None:
+    """Drops a visitor's upload as soon as it says or shows that it is too large.
+
+    viser has no such limit and keeps the parts in memory until the last has come; its handlers run in the order of
+    registration, so these run after its own and drop what it has just noted.
+    """
+    pending: dict[str, Any] = client.gui._current_file_upload_states
+
+    def drop(transfer: str, size: int) -> None:
+        if size > MOST_BYTES and pending.pop(transfer, None) is not None:
+            rule = f"{size / 2**20:.0f} MB: at most {MOST_BYTES // 2**20} MB can be read here"
+            client.add_notification("The file was not taken", rule, color="red", auto_close_seconds=10)
+
+    def started(_: int, message: messages.FileTransferStartUpload) -> None:
+        drop(message.transfer_uuid, message.size_bytes)
+
+    def continued(_: int, message: messages.FileTransferPart) -> None:
+        state = pending.get(message.transfer_uuid)
+        if state is not None:
+            drop(message.transfer_uuid, state["transferred_bytes"])
+
+    client._websock_connection.register_handler(messages.FileTransferStartUpload, started)
+    client._websock_connection.register_handler(messages.FileTransferPart, continued)
