@@ -7,7 +7,7 @@ import yaml
 from motionary.training.dependencies import INFRASTRUCTURE, rewrite, stage_dependencies
 
 # Stages without a model of their own.
-PLAIN = {"source", "preprocess", "evaluation", "report"}
+PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "report"}
 
 
 def stages(repository):
