@@ -23,7 +23,7 @@ def test_every_figure_of_the_issue_has_a_case():
     assert bounds == {
         "features": 0.006, "tokenizer": 14.7, "motion2text": 6.0, "captions": 3.0, "text2token": 7.0,
         "inverse_alignment": 12.0, "texts": 15.0, "metrics": 0.15, "evaluator": 1.8, "text2length": 0.3,
-        "text2motion": 7.5, "prompts": 1.5,
+        "text2motion": 7.5, "prompts": 1.5, "stylization": 5.0, "stylize": 0.02, "stylize32": 0.4,
     }  # fmt: skip
     assert len(set(NAMES)) == len(NAMES)
     assert {"autoencoder", "mp4", "glb", "bvh"} < set(NAMES)
@@ -34,6 +34,7 @@ def test_shapes_are_those_of_the_papers():
     assert (paper.windows, paper.window, paper.width, paper.codes) == (128, 64, 1024, 1024)
     assert (paper.batch, paper.source, paper.words, paper.unrolled) == (64, 55, 21, 54)
     assert (paper.sequences, paper.snippets, paper.prompts, paper.pairs) == (32, 50, 32, 32)
+    assert (paper.style_window, paper.style_width) == (160, 512)
     assert (paper.captions, paper.caption_words, paper.texts, paper.items) == (32, 30, 300, 4000)
 
 

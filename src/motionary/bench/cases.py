@@ -17,6 +17,7 @@ import torch
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
 from motionary.bench.measure import convolution_flops, least_time, matmul_rate
 from motionary.bench.shapes import Shapes
+from motionary.bench.style import stylization, stylize
 from motionary.bench.temporal import prompts, text2length, text2motion
 from motionary.bench.work import Case, Work, clock, noise, training_step
 
@@ -219,6 +220,9 @@ CASES: tuple[Case, ...] = (
     Case("text2length", "text2length step, batch 64", text2length, 0.45, 0.3),
     Case("text2motion", "temporal VAE step, batch 32, 50 codes", text2motion, 11.5, 7.5),
     Case("prompts", "32 texts by the temporal VAE, 196 frames", prompts, 2.4, 1.5),
+    Case("stylization", "stylization step, 32 triples x 160 frames", stylization, 8.3, 5.0),
+    Case("stylize", "160 frames in another style", stylize(1), 0.043, 0.02),
+    Case("stylize32", "32 x 160 frames in another style", stylize(), 0.64, 0.4),
     Case("metrics", "R-precision and FID of 4000 x 512", _metrics, 0.4625, 0.15),
     Case("mp4", "a motion of 10 s to mp4", _write(".mp4")),
     Case("glb", "a motion of 10 s to glb, with a body", _write(".glb")),
