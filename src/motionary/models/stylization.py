@@ -32,8 +32,9 @@ class StylizationConfig:
         width: channels of the three networks.
         content_dim, style_dim: D_c and D_s, dimensions of a content step and of the style code.
         blocks: residual blocks of the content encoder and of the generator.
-        hsa, cycle, kl: lambda_hsa, lambda_cyc, lambda_kl. Reconstructions are means over valid steps and features in
-            place of sums, divergences sums over the style code's dimensions, averaged over items.
+        hsa, cycle, kl: lambda_hsa, lambda_cyc, lambda_kl. Reconstructions are means over valid steps and features,
+            divergences means over the style code's dimensions, in place of sums: so the weights mean the same at any
+            size (with sums, those of the supervised setting leave nothing in the style code).
         latent_weight: of the reconstruction of codes beside that of motion (Eq. 5.1, 5.3: 1).
         variant, latent_width, code_dim: of the frozen autoencoder (the stage takes them from there).
         window: frames that it learned style on.
@@ -132,7 +133,7 @@ class Stylizer(nn.Module):
             "reconstruction": errors[: 2 * len(first)].mean() * 2,
             "cycle": errors[2 * len(first) :].mean() * 2,
             "hsa": divergence(mean[first], log_variance[first], mean[second], log_variance[second]).mean(),
-            "kl": (3 * divergence(mean, log_variance).mean() + divergence(made_mean, made_log_variance).mean()),
+            "kl": 3 * divergence(mean, log_variance).mean() + divergence(made_mean, made_log_variance).mean(),
         }
         c = self.config
         loss = terms["reconstruction"] + c.hsa * terms["hsa"] + c.cycle * terms["cycle"] + c.kl * terms["kl"]
@@ -162,12 +163,13 @@ class Stylizer(nn.Module):
 def divergence(
     mean: Tensor, log_variance: Tensor, other_mean: Tensor | None = None, other_log_variance: Tensor | None = None
 ) -> Tensor:
-    """(B,) KL divergence of N(mean, variance) from another diagonal normal, by default from N(0, I) (Eq. 5.2, 5.4)."""
+    """(B,) KL divergence of N(mean, variance) from another diagonal normal, by default from N(0, I) (Eq. 5.2, 5.4), for
+    each of the code's dimensions: their mean."""
     if other_mean is None or other_log_variance is None:
         other_mean, other_log_variance = torch.zeros_like(mean), torch.zeros_like(mean)
     ratio = log_variance - other_log_variance
     away = (mean - other_mean).square() * (-other_log_variance).exp()
-    return 0.5 * (ratio.exp() + away - 1 - ratio).sum(-1)
+    return 0.5 * (ratio.exp() + away - 1 - ratio).mean(-1)
 
 
 def trainable(settings: Sequence[str], context: Any) -> list[str]:
