@@ -14,6 +14,7 @@ from motionary.report import tables
 from motionary.report.corpus import corpus_tables
 from motionary.report.players import Example, players_html
 from motionary.report.results import Results
+from motionary.report.stylization import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
 
 LEAD = (
@@ -32,13 +33,22 @@ TERMS = {
     "Oracle": "share of motions that do what their text claims of side, direction, speed or action, read off the "
     "joints by geometry, without any trained model.",
     "Foot skating": "mean speed over the ground of feet that stand; lower is better.",
+    "Style and content accuracy": "share of motions in which a classifier sees the style that was asked for, or the "
+    "action of the content; a copied content is the floor of the one and the ceiling of the other.",
+    "Geodesic distance": "mean angle between the joints' local rotations before and after stylization: how much of the "
+    "content's own movement is kept.",
     "BLEU, ROUGE-L, CIDEr, BERTScore": "agreement of a generated caption with the references; higher is better.",
 }
 PICTURES = {
     "contexts": "The most frequent motion tokens, each decoded alone to its four frames, light to dark. A quarter "
     "view: forward runs to the right. In the title: the token and its share of all tokens.",
+    "style_codes": "Style codes of real motions in two dimensions (t-SNE). Without labels a code tells the style; "
+    "beside a label it tells what else there is, so that the colors should mix.",
+    "one_motion_many_styles": "One motion above what stylization makes of it; time runs to the right.",
     "densities": "How likely each length is, given the text above it; dark: the lengths of the motions so described.",
 }
+
+STYLED = ("style_codes", "one_motion_many_styles")
 
 
 def render(
@@ -61,6 +71,7 @@ def render(
         ("Captions", _captions(results)),
         ("Parts of the test split", _tables(tables.parts_tables(results))),
         ("Prompts", _tables([tables.prompts(results)])),
+        ("Stylization", _stylization(results)),
         ("Training", _tables([tables.training(results)]) + _curves(results)),
         ("Pictures", _pictures(results)),
         ("Corpus", "".join(map(_corpus_table, corpus_tables(corpus))) if corpus else ""),
@@ -88,6 +99,11 @@ def _tables(found: Sequence[Table | None]) -> str:
     return "".join(table.html() for table in found if table is not None)
 
 
+def _stylization(results: Results) -> str:
+    found = stylization_tables(results)
+    return _tables([*found, classifiers_table(results)]) + _pictures(results, styled=True) if found else ""
+
+
 def _corpus_table(table: Table) -> str:
     if table.title != "Problems":
         return table.html()
@@ -108,9 +124,11 @@ def _curves(results: Results) -> str:
     return "".join(_picture(path, f"{name}: {path.stem.replace('_', ' ')}") for name, path in curves)
 
 
-def _pictures(results: Results) -> str:
+def _pictures(results: Results, styled: bool = False) -> str:
+    """Pictures that are no curves: those of stylization, or all others."""
     others = [(n, p) for n, paths in results.figures.items() for p in paths if not p.stem.endswith("curves")]
-    return "".join(_picture(path, f"{name}: {path.stem}", PICTURES.get(path.stem, "")) for name, path in others)
+    kept = [(name, path) for name, path in others if (path.stem in STYLED) == styled]
+    return "".join(_picture(p, f"{n}: {p.stem.replace('_', ' ')}", PICTURES.get(p.stem, "")) for n, p in kept)
 
 
 def _picture(path: Path, title: str, note: str = "") -> str:

@@ -8,13 +8,14 @@ from pathlib import Path
 from motionary.errors import InputError
 from motionary.report import tables
 from motionary.report.results import Results
+from motionary.report.stylization import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
 
 
 def main_tables(results: Results) -> list[Table]:
     """The tables that a first look needs."""
     makers = (tables.text_to_motion, tables.motion_to_text, tables.reconstruction, tables.lengths)
-    return [table for make in makers if (table := make(results)) is not None]
+    return [table for make in makers if (table := make(results)) is not None] + stylization_tables(results)[:1]
 
 
 def terminal(reports: Path) -> str:
@@ -31,7 +32,8 @@ def terminal(reports: Path) -> str:
 def markdown(reports: Path) -> str:
     """All result tables as Markdown."""
     results = Results.read(reports)
-    extra = [tables.nearest_training(results), *tables.parts_tables(results)]
+    styled = [*stylization_tables(results)[1:], classifiers_table(results)]
+    extra = [*styled, tables.nearest_training(results), *tables.parts_tables(results)]
     return "\n".join(table.markdown() for table in (*main_tables(results), *extra) if table is not None)
 
 

@@ -182,6 +182,11 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         put(name, "codes_used", at(report, "codes", "used"))
         for metric in ("within_1", "within_3", "nll"):
             put(name, f"length_{metric}", at(report, "lengths", "all", "model", metric))
+        for part, found in (at(report, "stylization") or {}).items():
+            for row, metric in ((row, metric) for row, values in found["rows"].items() for metric in values):
+                put(f"{part}: {row}", metric, found["rows"][row][metric])
+        for metric in ("style", "content"):
+            put(name, f"{metric}_accuracy", at(report, "real", metric))
     return out
 
 
