@@ -39,7 +39,7 @@ def stylize(motions: int | None = None) -> Callable[[Shapes], Work]:
         from motionary.models.style_transfer import StyleTransfer
 
         model = _stylizer(shapes)
-        root = GlobalMotion(GlobalMotionConfig(width=shapes.style_width // 2), model.context)
+        root = GlobalMotion(GlobalMotionConfig(width=shapes.style_width // 4), model.context)
         transfer, count = StyleTransfer({"supervised": model}, root), motions or shapes.sequences
         contents = list(make_batch(count, shapes.style_window).motion.numpy())  # type: ignore[union-attr]
         labels = [i % len(STYLES) for i in range(count)]

@@ -23,7 +23,7 @@ class GlobalMotionConfig:
     kernel: frames that each of the three layers sees; odd.
     """
 
-    width: int = 256
+    width: int = 128
     kernel: int = 3
 
     def __post_init__(self) -> None:

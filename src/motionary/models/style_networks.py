@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from motionary.models.convolutions import SLOPE, Down, Up, coarser, finer, keep
+from motionary.models.convolutions import SLOPE, Down, coarser, finer, keep
 
 EPSILON = 1e-5
 
@@ -18,8 +18,8 @@ EPSILON = 1e-5
 def instance_norm(x: Tensor, mask: Tensor | None = None) -> Tensor:
     """Each channel of each item to mean 0 and variance 1 over its valid steps; zero beyond them and where constant."""
     if mask is None:
-        variance, mean = torch.var_mean(x, dim=-1, keepdim=True, correction=0)
-        return (x - mean) * (variance + EPSILON).rsqrt()
+        away = x - x.mean(-1, keepdim=True)
+        return away * (away.square().mean(-1, keepdim=True) + EPSILON).rsqrt()
     count = mask.sum(-1, keepdim=True).clamp(min=1)
     away = keep(x - keep(x, mask).sum(-1, keepdim=True) / count, mask)
     return away * (away.square().sum(-1, keepdim=True) / count + EPSILON).rsqrt()
@@ -100,7 +100,7 @@ class Generator(nn.Module):
         self.blocks = nn.ModuleList(
             nn.ModuleList(nn.Conv1d(width, width, 3, padding=1) for _ in range(2)) for _ in range(blocks)
         )
-        self.up = Up(width, width, transposed=True).convolution
+        self.up = nn.Conv1d(width, width, 3, padding=1)
         self.output = nn.Conv1d(width, codes, 3, padding=1)
 
     def style(self, code: Tensor, label: Tensor | None) -> Tensor:
@@ -118,6 +118,6 @@ class Generator(nn.Module):
         for first, second in self.blocks:  # type: ignore[misc]
             inner = F.leaky_relu(adaptive_norm(keep(first(x), mask), *next(layer), mask), SLOPE)
             x = x + adaptive_norm(keep(second(inner), mask), *next(layer), mask)
-        mask = finer(mask)
+        x, mask = x.repeat_interleave(2, -1), finer(mask)
         x = F.leaky_relu(adaptive_norm(keep(self.up(x), mask), *next(layer), mask), SLOPE)
         return keep(self.output(x), mask)
