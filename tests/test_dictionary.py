@@ -33,7 +33,10 @@ def same(a: Motion, b: Motion) -> bool:
 
 
 def test_it_knows_what_lies_there(d):
-    assert d.systems == ("evaluator", "inverse_alignment", "motion2text", "retrieval", "text2token", "tokenizer")
+    assert d.systems == (
+        "evaluator", "inverse_alignment", "motion2text", "retrieval", "text2length", "text2motion", "text2token",
+        "tokenizer",
+    )  # fmt: skip
 
 
 def test_generate_gives_as_many_as_asked(d):
@@ -68,12 +71,12 @@ def test_options_reach_the_sampler(d):
 
 
 def test_every_generator_can_be_asked(d):
-    for system in ("text2token", "retrieval"):
+    for system in ("text2token", "text2motion", "retrieval"):
         assert len(d.generate(TEXTS, system=system)) == 3
     with pytest.raises(InputError, match="does not turn text into motion"):
         d.generate("walk", system="tokenizer")
-    with pytest.raises(InputError, match=r"dvc repro text2motion"):
-        d.generate("walk", system="text2motion")
+    with pytest.raises(InputError, match=r"dvc repro temos"):
+        d.generate("walk", system="temos")
     with pytest.raises(InputError, match="does not turn motion into text"):
         d.caption(d.generate("walk")[0], system="text2token")
 

@@ -20,6 +20,8 @@ def build_pipeline(root: Path, clips: int = 24) -> Path:
     from motionary.models.judge import Judge
     from motionary.models.motion2text import Motion2Text, Motion2TextConfig
     from motionary.models.retrieval import Index
+    from motionary.models.text2length import Text2Length, Text2LengthConfig
+    from motionary.models.text2motion import Text2Motion, Text2MotionConfig
     from motionary.models.text2token import Text2Token, Text2TokenConfig
     from motionary.models.tokenizer import Tokenizer, TokenizerConfig
 
@@ -39,6 +41,10 @@ def build_pipeline(root: Path, clips: int = 24) -> Path:
             "motion2text": Motion2Text(
                 Motion2TextConfig(16, width=16, layers=1, feed_forward=32, heads=2, most_words=6), context
             ),
+            "text2length": Text2Length(Text2LengthConfig(word_dim=8, text_width=8), context),
+            "text2motion": Text2Motion(
+                Text2MotionConfig(8, 8, 16, attention_width=8, latent=4, **Text2Motion.upstream(snippets)), context
+            ).take_snippets(snippets),
         }
         for name, model in systems.items():
             save_model(models / name, name, model, context)

@@ -41,7 +41,7 @@ class Generator:
         Args:
             sentences: normalized texts.
             seeds: one per sentence; equal sentence, seed and options give equal motion.
-            frames: lengths to hold; otherwise text2length draws them.
+            frames: lengths to hold, from one unit to the longest window; otherwise text2length draws them.
             temperature: factor on the deviation of the latent draws.
             greedy: the likeliest length and the mean latent in the place of draws.
             unused: options of systems that write tokens (top_k, top_p, guidance).
@@ -53,7 +53,7 @@ class Generator:
         if temperature is not None and not temperature > 0:
             raise InputError("temperature", temperature, "must be above 0 (for the likeliest motion use greedy)")
         drawn = self.lengths.sample(sentences, seeds, likeliest=greedy) if frames is None else frames
-        wanted = check_frames(sentences, drawn)
+        wanted = check_frames(self.context, sentences, drawn)
         scale = self.model.config.temperature if temperature is None else temperature
         results: list[Any] = [None] * len(sentences)
         # Longest first: motions that are finished leave the batch.

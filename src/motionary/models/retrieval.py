@@ -16,6 +16,7 @@ from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.models.judge import Judge
+from motionary.models.sentences import check_frames, check_seeds
 
 
 class Index:
@@ -69,11 +70,15 @@ class Retrieval:
         self.training = self.corpus.rows("train", captioned=True)
 
     def generate(self, sentences: Sequence[Sentence], seeds: Sequence[int], frames=None, **options) -> list[np.ndarray]:
-        """The training motion nearest to each text; a seed picks among the nearest few where a text repeats.
+        """The training motion nearest to each text; where a text repeats, the next nearest.
 
         `frames` cuts the motion found; it is never made longer.
         """
-        texts = self.judge.sentences(sentences)
+        check_seeds(sentences, seeds)
+        wanted = None if frames is None else check_frames(self.corpus.context, sentences, frames)
+        if not sentences:
+            return []
+        texts = self.judge.sentences([self.corpus.context.vocabulary.correct(sentence) for sentence in sentences])
         found = self.index.nearest(texts, self.training, k=min(16, len(self.training)))
         seen: dict[tuple[str, ...], int] = {}
         motions = []
@@ -81,7 +86,7 @@ class Retrieval:
             place = seen.get(sentence.words, 0)
             seen[sentence.words] = place + 1
             features = np.array(self.corpus.features(found[i, place % found.shape[1]]))
-            motions.append(features if frames is None else features[: frames[i]])
+            motions.append(features if wanted is None else features[: wanted[i]])
         return motions
 
     def caption(self, features: Sequence[np.ndarray], beams: int = 2, n: int = 1, **options) -> list[list[str]]:

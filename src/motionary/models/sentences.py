@@ -29,9 +29,12 @@ def check_seeds(sentences: Sequence[Sentence], seeds: Sequence[int]) -> None:
         raise InputError("seeds", len(seeds), f"must be one per sentence, {len(sentences)}")
 
 
-def check_frames(sentences: Sequence[Sentence], frames: Sequence[int]) -> list[int]:
-    """The wanted lengths as whole numbers; InputError unless there is one positive number per sentence."""
-    wanted = [int(f) for f in frames]
-    if len(wanted) != len(sentences) or min(wanted, default=1) < 1:
-        raise InputError("frames", wanted, "must be one positive number per sentence")
-    return wanted
+def check_frames(context: Context, sentences: Sequence[Sentence], frames: Sequence[int]) -> list[int]:
+    """The wanted lengths as whole numbers; InputError unless there is one per sentence that models can make: from one
+    unit to the longest window of the corpus."""
+    if len(frames) != len(sentences):
+        raise InputError("frames", len(frames), f"must be one per sentence, {len(sentences)}")
+    for wanted in frames:
+        if isinstance(wanted, bool) or wanted != int(wanted) or not context.unit <= wanted <= context.max_frames:
+            raise InputError("frames", wanted, f"must be a whole number from {context.unit} to {context.max_frames}")
+    return [int(wanted) for wanted in frames]

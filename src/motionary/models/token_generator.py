@@ -76,14 +76,14 @@ class Generator:
         Args:
             sentences: normalized texts.
             seeds: one per sentence; equal sentence, seed and options give equal motion.
-            frames: lengths to hold; otherwise the end token decides.
+            frames: lengths to hold, from one unit to the longest window; otherwise the end token decides.
             options: temperature, top_k, top_p, guidance, greedy.
 
         Returns:
             raw features (T, D) float32 of each motion, never empty.
         """
         results: list[np.ndarray] = []
-        wanted = None if frames is None else check_frames(sentences, frames)
+        wanted = None if frames is None else check_frames(self.context, sentences, frames)
         for option in options:
             if option not in OPTIONS:
                 raise InputError(option, options[option], f"unknown option; known are {', '.join(OPTIONS)}")
