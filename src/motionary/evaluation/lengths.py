@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -77,8 +78,8 @@ def draw_densities(lengths: Lengths, corpus: Corpus, split: str = "test", count:
         true = corpus.clips.length[corpus.captions.clip[same]] // corpus.context.unit
         axis = figure.add_subplot(-(-len(chosen) // columns), columns, place + 1)
         axis.bar(units, row, width=1.0, color=np.where(np.isin(units, true), "#08519c", "#9ecae1"))
-        text = str(corpus.captions.text[caption])
-        axis.set_title(text if len(text) <= 44 else f"{text[:42]}…", fontsize=7)
+        lines = wrap(str(corpus.captions.text[caption]), 50, max_lines=3, placeholder=" …")
+        axis.set_title("\n".join(lines), fontsize=7)
         axis.tick_params(labelsize=6)
         axis.set_xlabel(f"units of {corpus.context.unit} frames (dark: true lengths)", fontsize=6)
     figure.tight_layout()
