@@ -87,7 +87,7 @@ def test_a_perfect_stylizer_meets_the_ceiling(perfect):
     for way in WAYS[:3]:
         assert mean(rows, way, "style_accuracy") == mean(rows, CELL, "style_accuracy") == 1
         assert mean(rows, way, "content_accuracy") == mean(rows, CELL, "content_accuracy") == 1
-        assert mean(rows, way, "style_fid") == pytest.approx(0, abs=0.05)
+        assert mean(rows, way, "style_fid") < 0.02 < 1 < mean(rows, COPY, "style_fid")
     assert mean(rows, REAL, "style_accuracy") == mean(rows, REAL, "content_accuracy") == 1
     assert mean(rows, STYLE, "style_accuracy") == 1
     assert mean(rows, STYLE, "content_accuracy") < 0.7
@@ -101,7 +101,6 @@ def test_a_copier_meets_the_floor_of_style_and_the_ceiling_of_content(corpus, sp
         assert mean(rows, way, "content_fid") == pytest.approx(0, abs=1e-6)
         assert mean(rows, way, "geodesic") == 0
         assert mean(rows, way, "foot_skating") == mean(rows, COPY, "foot_skating")
-    assert mean(rows, COPY, "style_fid") > 0.1
     for way in ("label-based (S)", "prior-based (U)"):
         assert rows[way]["diversity"] == {"mean": 0, "half": 0}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,13 +22,14 @@ from motionary.motion import Motion, fit_rotations
 @dataclass(frozen=True)
 class Measured:
     """Of N motions: labels (N,) and features (N, E) by both classifiers (None without style labels in the corpus), and
-    the speed (N,) in m/s of feet that stand."""
+    the speed (N,) in m/s of feet that stand; `labels` (N,) are the style ids that real motions truly have."""
 
     skating: np.ndarray
     style: np.ndarray | None = None
     style_features: np.ndarray | None = None
     content: np.ndarray | None = None
     content_features: np.ndarray | None = None
+    labels: np.ndarray | None = None
 
     def take(self, where: np.ndarray) -> Measured:
         """Those at positions `where`."""
@@ -54,10 +55,10 @@ class Measures:
         return Measured(skating, style.argmax(1), style_features, content.argmax(1), content_features)
 
     def real(self, rows: np.ndarray) -> Measured:
-        """Of rows of the corpus."""
+        """Of rows of the corpus, with their labels."""
         new = [row for row in dict.fromkeys(rows.tolist()) if row not in self._place]
         if new:
-            found = self.of([self.corpus.features(i) for i in new])
+            found = replace(self.of([self.corpus.features(i) for i in new]), labels=self.corpus.style_ids[new])
             start = len(self._place)
             self._place |= {row: start + i for i, row in enumerate(new)}
             self._known = found if self._known is None else _joined(self._known, found)
@@ -77,7 +78,7 @@ def scored(
     Args:
         found: of the motions to score.
         content: of the motions whose content they should have, for the content FID.
-        style: of real motions in the target styles, for the style FID.
+        style: of real motions in the target styles, for the style FID, with their labels.
         draw: what was asked for.
         split: its scored styles count, each alike (macro).
         targeted: False where no style was asked for: then there is no right one.
@@ -91,12 +92,26 @@ def scored(
     if targeted and split.scored:
         values["style_accuracy"] = macro_accuracy(found.style, draw.targets, split.scored)
         if style is not None:
-            values["style_fid"] = frechet_distance(found.style_features, style.style_features)
+            values |= _style_fid(found, style, draw.targets)
     if (draw.actions >= 0).all():
         values["content_accuracy"] = accuracy(found.content, draw.actions)
     if content is not None:
         values["content_fid"] = frechet_distance(found.content_features, content.content_features)
     return values
+
+
+def _style_fid(found: Measured, style: Measured, targets: np.ndarray) -> dict[str, float]:
+    """Mean over the target styles of the Frechet distance to real motions of that style.
+
+    The thesis takes one distance over all styles together; contents and targets are of as many styles, so that it
+    could not tell a copied content from a stylized one.
+    """
+    distances = []
+    for label in np.unique(targets):
+        made, real = found.take(targets == label), style.take(style.labels == label)
+        if len(made.skating) >= 2 and len(real.skating) >= 2:
+            distances.append(frechet_distance(made.style_features, real.style_features))
+    return {"style_fid": float(np.mean(distances))} if distances else {}
 
 
 def local_rotations(features: Sequence[np.ndarray], context: Context, step: int = 1) -> np.ndarray:
