@@ -17,7 +17,7 @@ import yaml
 from motionary.errors import InputError
 from motionary.evaluation import study as runner
 from motionary.evaluation.comparison import comparisons, measured, study_tables
-from motionary.evaluation.plan import compose, read_study
+from motionary.evaluation.plan import compose, read_study, scoring_stage
 
 # The project's own study ------------------------------------------------------------------------------------------
 
@@ -40,7 +40,9 @@ def test_every_override_composes_and_changes_what_it_names(repository, shipped):
         config = compose(repository, experiment.overrides)
         assert (config["data"]["name"], config["scale"]) == ("folder", "small")
         assert all(Path(root).is_absolute() for root in config["data"]["roots"])
-        assert set(experiment.systems) <= set(config["evaluation"]["systems"])
+        listed = {s for s in experiment.systems if scoring_stage(s) == f"evaluation@{s}"}
+        assert listed <= set(config["evaluation"]["systems"])
+        assert all((repository / "stages" / f"{s}.py").exists() for s in set(experiment.systems) - listed)
         json.dumps(config, allow_nan=False)
 
 
@@ -61,6 +63,12 @@ def test_what_the_issue_asks_for_is_there(repository, shipped):
     for switch in ("snippets", "attention", "tags", "positions"):  # the rows of the thesis's Table 4.4
         assert values(f"no_{switch}", f"text2motion.{switch}") == [False] * 3
         assert (("main", "text2motion"), (f"no_{switch}", "text2motion")) in shipped.compare
+    assert values("plain_latents", "latents.variant") == ["A"] * 3
+    assert values("no_latents", "latents.variant") == ["none"] * 3
+    for entry, weight in (("no_homo_style", "hsa"), ("no_cycle", "cycle")):  # the thesis's Table 5.6
+        assert values(entry, "seed") == [0, 1, 2]
+        for config in (compose(repository, e.overrides)["stylization"] for e in of_entry(shipped, entry)):
+            assert config["supervised"][weight] == config["unsupervised"][weight] == 0
     steps = values("main", "inverse_alignment.steps")
     for control, factor in (("control_updates", 1.0), ("control_time", 3.5)):
         assert values(control, "inverse_alignment.alignment") == [False] * 3
@@ -86,6 +94,9 @@ def test_only_what_an_experiment_evaluates_is_run(repository, shipped):
     assert "reports/inverse_alignment.json" not in needed["no_tokens"]  # its reader reads tokens
     assert "reports/tokenizer.json" not in needed["splits"]  # dear, and not needed
     assert needed["splits"][-1] == "reports/evaluation/autoencoder.json"
+    assert needed["no_latents"][-1] == "reports/style_evaluation.json"
+    assert "reports/latents.json" in needed["no_latents"]
+    assert not any("tokenizer" in path or "reports/evaluation/" in path for path in needed["no_latents"])
     assert all(path.count("{") == 0 for paths in needed.values() for path in paths)
 
 
@@ -232,6 +243,27 @@ def test_ablations_are_compared_with_the_full_system_of_their_seed_at_both_lengt
         assert found[metric]["half"] == pytest.approx(4.3027 * 0.01 / 3**0.5, rel=1e-4)
     assert "| no_attention: text2motion | 0, 1, 2 |" in text
     assert "Real lengths R@3" in text
+
+
+def test_stylization_is_measured_by_its_own_stage(shipped, tmp_path):
+    values = {"style_accuracy": {"mean": 0.8, "half": 0.1}, "geodesic": {"mean": 0.3, "half": 0.1}}
+    rows = {"stylization": {"held-out combinations": {"rows": {"label-based (S)": values}}}}
+    runs = {}
+    for experiment in [*of_entry(shipped, "stylization"), *of_entry(shipped, "no_latents")]:
+        folder = tmp_path / experiment.name
+        folder.mkdir()
+        values["style_accuracy"]["mean"] = 0.8 - 0.3 * (experiment.entry == "no_latents")
+        (folder / "style_evaluation.json").write_text(json.dumps(rows))
+        runs[experiment.name] = {"style_evaluation": measured(folder, "style_evaluation")}
+    found = comparisons(shipped, runs)
+    means, differences = study_tables(shipped, runs, found)
+    assert means.title == "Stylization of held-out combinations"
+    assert [(*row[:2], row[2][:5]) for row in means.rows] == [
+        ("stylization: style_evaluation", "0, 1, 2", "0.800"),
+        ("no_latents: style_evaluation", "0, 1, 2", "0.500"),
+    ]
+    assert differences.rows[0][0] == "stylization style_evaluation - no_latents style_evaluation"
+    assert differences.rows[0][2].startswith("0.300")
 
 
 def test_measured_leaves_out_what_is_not_there(shipped, tmp_path):

@@ -12,6 +12,7 @@ import numpy as np
 from motionary.evaluation.plan import Experiment, Study
 from motionary.metrics.intervals import paired_interval
 from motionary.report.results import at
+from motionary.report.stylization import SCORED
 from motionary.report.table import NONE, Table, show
 
 Runs = Mapping[str, Mapping[str, Mapping[str, float]]]  # experiment -> system -> metric -> value
@@ -21,6 +22,13 @@ _HELD = ("Real lengths R@3", "Real lengths FID")
 _GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_HELD, "Oracle", "Caption NLL")
 _CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3")
 _CODES = ("Local MPJPE (mm)", "Codes used")
+STYLED = "held-out combinations"  # the contents by which ablations of stylization are compared
+_STYLED = tuple(
+    f"{way}: {heading}"
+    for way in ("label-based (S)", "motion-based (S)", "motion-based (U)", "prior-based (U)")
+    for heading, key in SCORED
+    if key in ("style_accuracy", "content_accuracy", "content_fid", "geodesic", "diversity")
+)  # as in thesis Table 5.6
 _COMPARED = ("R@1", "R@3", "FID", *_HELD, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3")
 
 
@@ -49,6 +57,9 @@ def measured(folder: Path, system: str) -> dict[str, float]:
     for part in at(scored, "language") or {}:
         values[_named("BLEU-4", part)] = at(scored, "language", part, "bleu4")
         values[_named("BLEU-4 raw", part)] = at(scored, "language", part, "raw", "bleu4")
+    for row, found in (at(own, "stylization", STYLED, "rows") or {}).items():
+        for heading, key in SCORED:
+            values[f"{row}: {heading}"] = at(found, key, "mean")
     values["Named action"] = at(scored, "action", "all", "named")
     values["Oracle"] = at(scored, "oracle", "prompts", "confirmed")
     values["Caption NLL"] = at(own, "training", "validation_caption_nll")
@@ -109,7 +120,8 @@ def study_tables(study: Study, runs: Runs, found: Sequence[Mapping[str, Any]]) -
         _means("Motion to text", note, study, runs, with_parts(_CAPTIONS, "BLEU-4"), "BLEU-4"),
         _means("Real motions and the evaluator", note, study, runs, with_parts(_REAL, "Real R@3"), "Real R@1", True),
         _means("Tokens", note, study, runs, _CODES, "Codes used", True),
-        _differences(found, with_parts(_COMPARED, "R@3")),
+        _means("Stylization of held-out combinations", note, study, runs, _STYLED, _STYLED[0]),
+        _differences(found, with_parts((*_COMPARED, *_STYLED), "R@3")),
     ]
     return [table for table in tables if table.rows]
 

@@ -28,7 +28,7 @@ class Experiment:
         value: of what the entry varies, None where it varies nothing.
         why: what the entry is for.
         overrides: as behind ``dvc exp run -S``.
-        systems: to evaluate; only what these need is run.
+        systems: to evaluate, or stages that score on their own; only what these need is run.
         key: hash of the whole composed configuration and the systems: results of another key are out of date.
     """
 
@@ -43,7 +43,7 @@ class Experiment:
     def command(self) -> list[str]:
         """The DVC command that runs it, in a temporary copy, so that the workspace stays as it is."""
         sets = [part for override in self.overrides for part in ("--set-param", override)]
-        targets = [f"evaluation@{system}" for system in self.systems]
+        targets = [scoring_stage(system) for system in self.systems]
         return [sys.executable, "-m", "dvc", "exp", "run", "--temp", "--name", self.reference, *sets, *targets]
 
     def shown(self) -> str:
@@ -54,6 +54,11 @@ class Experiment:
     def reference(self) -> str:
         """Name of the DVC experiment."""
         return f"study-{self.name}-{self.key[:8]}"
+
+
+def scoring_stage(system: str) -> str:
+    """The DVC stage that scores a system: the one for all, or, for a name that ends in "_evaluation", itself."""
+    return system if system.endswith("_evaluation") else f"evaluation@{system}"
 
 
 @dataclass(frozen=True)
@@ -142,9 +147,10 @@ def _experiment(root: Path, base: list[str], name: str, entry: Mapping[str, Any]
         section[last] = round(factor * section[last])
         overrides.append(f"{scaled}={section[last]}")
     systems = tuple(entry["systems"])
-    if not set(systems) <= set(config["evaluation"]["systems"]):
-        config["evaluation"]["systems"] = list(systems)
-        overrides.append(f"evaluation.systems=[{','.join(systems)}]")
+    listed = [system for system in systems if scoring_stage(system) != system]
+    if not set(listed) <= set(config["evaluation"]["systems"]):
+        config["evaluation"]["systems"] = listed
+        overrides.append(f"evaluation.systems=[{','.join(listed)}]")
     config = {k: v for k, v in config.items() if k not in _IRRELEVANT}
     full = name if key is None else f"{name}-{value}"
     return Experiment(

@@ -22,7 +22,7 @@ import yaml
 
 from motionary.errors import InputError
 from motionary.evaluation.comparison import comparisons, measured, study_tables
-from motionary.evaluation.plan import Experiment, Study, read_study
+from motionary.evaluation.plan import Experiment, Study, read_study, scoring_stage
 
 FOLDER, RECORD = Path("reports/study"), "experiment.json"
 
@@ -32,13 +32,14 @@ def needed_reports(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[
 
     Args:
         pipeline: contents of dvc.yaml.
-        systems: names of evaluated systems.
+        systems: names of evaluated systems, or of stages that score on their own.
     """
     stages = dict(pipeline["stages"])
     template = stages.pop("evaluation")["do"]
     for system in systems:
         text = json.dumps(template).replace("${item}", system)
-        stages[f"evaluation@{system}"] = json.loads(text)
+        if scoring_stage(system) != system:
+            stages[scoring_stage(system)] = json.loads(text)
     writer = {out: name for name, stage in stages.items() for out in _paths(stage, "outs", "metrics")}
     order: list[str] = []
 
@@ -50,7 +51,7 @@ def needed_reports(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[
             order.append(name)
 
     for system in systems:
-        visit(f"evaluation@{system}")
+        visit(scoring_stage(system))
     return [path for name in order for path in _paths(stages[name], "metrics")]
 
 
