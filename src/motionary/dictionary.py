@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from threading import RLock
@@ -15,32 +14,12 @@ from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.inputs import check_whole, encode, frames_of, listed
 from motionary.language import Sentence, annotate, check_prompt
+from motionary.matches import Match
 from motionary.motion import Motion
 
 T = TypeVar("T")
 GENERATOR, CAPTIONER = "inverse_alignment", "motion2text"  # which systems answer unless a call names another
 OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")  # of sampling; a system may ignore some
-
-
-@dataclass(frozen=True)
-class Match:
-    """A window of the corpus that a search found.
-
-    Attributes:
-        id: of the window.
-        origin, start, end: the clip it was cut from, and its seconds there.
-        captions: as written.
-        distance: to the text, in the evaluator's space.
-        motion: the window itself.
-    """
-
-    id: str
-    origin: str
-    start: float
-    end: float
-    captions: tuple[str, ...]
-    distance: float
-    motion: Motion
 
 
 def load(models: str | Path = "models", device: str = "auto") -> Dictionary:
@@ -177,7 +156,7 @@ class Dictionary:
         rows = []
         for query, places in zip(queries, found, strict=True):
             away = np.linalg.norm(np.asarray(retrieval.index.motions[places]) - query, axis=-1)
-            rows.append([_match(retrieval.corpus, int(i), float(d)) for i, d in zip(places, away, strict=True)])
+            rows.append([Match.of(retrieval.corpus, int(i), float(d)) for i, d in zip(places, away, strict=True)])
         return rows[0] if isinstance(texts, str) else rows
 
     def embed(
@@ -318,10 +297,3 @@ class Dictionary:
 
     def _absent(self, name: str) -> InputError:
         return InputError("system", name, f"not part of these models; run `dvc repro {name}`")
-
-
-def _match(corpus: Any, row: int, distance: float) -> Match:
-    clips = corpus.clips
-    captions = tuple(str(corpus.captions.text[c]) for c in corpus.captions_of(row))
-    start, end = float(clips.start[row]), float(clips.end[row])
-    return Match(str(clips.id[row]), str(clips.origin[row]), start, end, captions, distance, corpus.motion(row))
