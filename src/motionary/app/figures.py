@@ -46,7 +46,7 @@ class _Limbs:
         along = ends - begins
         length = np.linalg.norm(along, axis=-1)
         radius, colors = radii.mean(-1), COLORS[sides].astype(np.uint8)
-        turns = to_quaternions(between(np.array([0.0, 1.0, 0.0]), np.where(length[..., None] > 1e-6, along, [0, 1, 0])))
+        turns = to_quaternions(between(np.array([0.0, 1.0, 0.0]), along))
         self.turns = np.roll(turns, 1, axis=-1).astype(np.float32)  # viser wants w first
         self.middles = ((begins + ends) / 2).astype(np.float32)
         self.tips = np.concatenate([begins, ends], axis=1).astype(np.float32)

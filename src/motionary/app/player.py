@@ -107,7 +107,11 @@ class Player:
                 self._figures.append((figure, item.motion))
                 top = item.motion.positions[0, :, 1].max() + shift[1] + 0.3
                 where = item.motion.positions[0, 0] + shift
-                self._labels.append(scene.add_label(f"{name}/title", item.title, position=(where[0], top, where[2])))
+                self._labels.append(
+                    scene.add_label(
+                        f"{name}/title", item.title, position=(where[0], top, where[2]), anchor="bottom-center"
+                    )
+                )
             self._shown = [-1] * len(self._figures)
             self._pose()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import importlib.util
+import signal
 import socket
 import sys
 import threading
@@ -89,6 +90,7 @@ class App:
 def serve(models: str, device: str, host: str, port: int) -> None:
     """Serves until interrupted; see :class:`App`."""
     app = App(models, device, host, port)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # as Ctrl-C: the workers end too
     print(f"motionary is at {app.url} (stop with Ctrl-C)", flush=True)
     try:
         threading.Event().wait()

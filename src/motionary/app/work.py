@@ -70,7 +70,7 @@ def file_bytes(motion: Motion, extension: str, caption: str) -> bytes:
     from motionary.formats import write_motion
 
     with tempfile.TemporaryDirectory() as folder:
-        titled = {"captions": caption} if extension == ".mp4" and caption else {}
+        titled: dict[str, Any] = {"captions": caption} if extension == ".mp4" and caption else {}
         return write_motion(motion, Path(folder) / f"motion{extension}", **titled).read_bytes()
 
 

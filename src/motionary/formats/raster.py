@@ -83,7 +83,7 @@ class Ground:
         self.base[:] = SKY_TOP + (SKY - SKY_TOP) * rows
         self.base[first:] += (GROUND - self.base[first:]) * fade[..., None]
         self.darker = LINE - self.base[first:]
-        self._scratch = np.empty((4, *self.x.shape), np.float32)
+        self._scratch = tuple(np.empty(self.x.shape, np.float32) for _ in range(4))
 
     def draw(self, target: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
         """A picture (H, W, 3) float32 of the floor, when the camera's target is over (x, z) of `target`.
