@@ -96,6 +96,13 @@ def _view_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--no-open", action="store_true", help="write the page, open no browser")
 
 
+def _app_arguments(add: argparse.ArgumentParser) -> None:
+    add.add_argument("--host", default="127.0.0.1", help="address to listen on; 0.0.0.0 is everyone's (%(default)s)")
+    add.add_argument("--port", type=int, default=8080, help="0 takes any that is free (%(default)s)")
+    add.add_argument("--models", default="models", metavar="FOLDER", help="what `dvc repro` built (models)")
+    add.add_argument("--device", default="auto", help="auto, cpu or cuda")
+
+
 def _prompt_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("prompts", nargs="*", metavar="PROMPT", help="what to look for; - reads standard input")
     add.add_argument("--file", metavar="FILE", help="prompts from a text file, one a line")
@@ -161,5 +168,10 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None], tuple
         "Play motions in a browser.",
         _view_arguments,
         ("motionary view motion.npz", "motionary view a.bvh b.bvh --out pair.html --no-open"),
+    ),
+    "app": (
+        "The dictionary in a browser.",
+        _app_arguments,
+        ("motionary app", "motionary app --port 9000 --models models"),
     ),
 }

@@ -175,6 +175,13 @@ def view(options: argparse.Namespace) -> None:
         webbrowser.open(path.resolve().as_uri())
 
 
+def app(options: argparse.Namespace) -> None:
+    """The page, until interrupted."""
+    from motionary.app.server import serve
+
+    serve(options.models, options.device, options.host, options.port)
+
+
 COMMANDS = {
     "generate": generate,
     "caption": caption,
@@ -182,6 +189,7 @@ COMMANDS = {
     "search": search,
     "convert": convert,
     "view": view,
+    "app": app,
 }
 
 # Input and output -----------------------------------------------------------------------------------------------
