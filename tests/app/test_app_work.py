@@ -1,0 +1,190 @@
+"""What the page does behind the browser: uploads read safely, files written, addresses checked, figures posed."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import socket
+import subprocess
+import sys
+import time
+import zipfile
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from motionary.app import server, work
+from motionary.app.figures import make_figure
+from motionary.app.player import _places
+from motionary.corpus.demo import demo_clip
+from motionary.errors import InputError
+from motionary.formats.arrays import write_npz
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return demo_clip(3)[0]
+
+
+def saved(motion, path) -> bytes:
+    motion.save(path)
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("extension", [".bvh", ".npz"])
+def test_uploads_are_read(walk, tmp_path, extension):
+    found = work.read_upload(f"C:\\somewhere\\x{extension.upper()}", saved(walk, tmp_path / f"x{extension}"))
+    assert np.abs(found.positions - walk.positions).max() < 0.002
+
+
+def test_bad_uploads_are_one_line_that_names_them(walk, tmp_path, monkeypatch):
+    class Evil:
+        def __reduce__(self):
+            return (pytest.fail, ("unpickled",))
+
+    pickled = io.BytesIO()
+    np.savez(pickled, positions=np.array([Evil()], dtype=object), allow_pickle=True)
+    bomb = io.BytesIO()
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("positions.npy", bytes(work.MOST_UNPACKED + 1))
+    good = saved(walk, tmp_path / "x.bvh")
+    cases = {
+        "a.exe": (b"MZ", "only .bvh .npz"),
+        "noname": (b"x", "only .bvh .npz"),
+        "a.pkl": (pickle.dumps(1), "only .bvh .npz"),
+        "half.bvh": (good[: len(good) // 2], "half.bvh"),
+        "empty.bvh": (b"", "empty"),
+        "noise.npz": (bytes(range(256)) * 8, "not a readable"),
+        "pickled.npz": (pickled.getvalue(), "never loaded"),
+        "bomb.npz": (bomb.getvalue(), "when unpacked"),
+        "big.bvh": (bytes(work.MOST_BYTES + 1), "at most 20 MB"),
+        "../../etc/x.bvh": (b"nonsense", "x.bvh"),
+    }
+    for name, (content, message) in cases.items():
+        with pytest.raises(InputError) as caught:
+            work.read_upload(name, content)
+        line = str(caught.value)
+        assert message in line, name
+        assert line.startswith(name.rsplit("/")[-1]), line
+        assert "/tmp" not in line
+        assert "\n" not in line
+    monkeypatch.setattr(work, "MOST_SECONDS", 0.5)
+    with pytest.raises(InputError, match="at most 0 s"):
+        work.read_upload("long.bvh", good)
+
+
+def test_files_are_those_that_save_writes(walk, tmp_path):
+    short = walk.crop(0, 6)
+    assert work.file_bytes(short, ".bvh", "") == saved(short, tmp_path / "x.bvh")
+    assert work.file_bytes(short, ".mp4", "a walk")[4:8] == b"ftyp"
+
+
+def _refuse(what: str):
+    raise InputError(what, 1, "no")
+
+
+def _die():
+    import os
+
+    os._exit(1)
+
+
+def _sleep():
+    time.sleep(60)
+
+
+def test_workers_hand_errors_on_and_outlive_a_dead_process(monkeypatch):
+    workers = work.Workers(threads=1, processes=1)
+    try:
+        with pytest.raises(InputError, match="thing: 1: no"):
+            workers.in_process(_refuse, "thing")
+        with pytest.raises(InputError, match="could not be handled"):
+            workers.in_process(_die)
+        assert workers.in_process(len, "abc") == 3
+        monkeypatch.setattr(work, "_PATIENCE", 0.2)
+        with pytest.raises(InputError, match="took longer"):
+            workers.in_process(_sleep)
+        monkeypatch.setattr(work, "_MOST_WAITING", 0)
+        assert not workers.submit(lambda: None)
+    finally:
+        workers.close()
+
+
+def test_a_port_in_use_and_missing_models_are_one_line(pipeline, tmp_path):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = str(other.getsockname()[1])
+        command = [sys.executable, "-m", "motionary.cli", "app", "--port", port, "--models", str(pipeline / "models")]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"error: --port: {port}: in use; choose another\n"
+    for host, port in (("127.0.0.1", 70_000), ("192.0.2.1", 8080)):
+        with pytest.raises(InputError, match=r"--port|--host"):
+            server.check_port(host, port)
+    with pytest.raises(InputError, match=r"dvc repro"):
+        server.App(tmp_path / "nothing")
+
+
+def test_it_listens_here_alone_unless_told_otherwise():
+    from motionary.arguments import build_parser
+    from motionary.cli import COMMANDS
+
+    assert build_parser(COMMANDS).parse_args(["app"]).host == server.HOST == "127.0.0.1"
+
+
+class Scene:
+    """Keeps what is added, as viser's scene does."""
+
+    class Node:
+        removed = False
+
+        def __init__(self, **given):
+            self.__dict__.update(given)
+            self.bones = [Scene.Node() for _ in given.get("bone_positions", [])]
+
+        def remove(self):
+            self.removed = True
+
+    def add_batched_meshes_simple(self, name, vertices, faces, wxyzs, positions, **given):
+        return self.Node(vertices=vertices, faces=faces, batched_wxyzs=wxyzs, batched_positions=positions, **given)
+
+    def add_mesh_skinned(self, name, vertices, faces, **given):
+        assert given["skin_weights"].shape == (len(vertices), len(given["bone_positions"]))
+        np.testing.assert_allclose(given["skin_weights"].sum(1), 1, atol=1e-4)
+        return self.Node(vertices=vertices, faces=faces, **given)
+
+
+def test_limbs_reach_from_joint_to_joint(walk):
+    figure = make_figure(Scene(), "x", walk, np.array([1.0, 0, 0]), "skeleton")
+    figure.pose(7)
+    wxyz, middles = figure.tubes.batched_wxyzs, figure.tubes.batched_positions
+    length = figure.tubes.batched_scales[:, 1]
+    w, x, y, z = wxyz.T
+    along = np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], -1)  # where +y is turned
+    half = len(middles)
+    tips = middles + along * length[:, None] / 2
+    assert np.abs(tips - figure.balls.batched_positions[half:]).max() < 0.03
+    joints = walk.positions[7] + [1, 0, 0]
+    assert all(np.linalg.norm(figure.balls.batched_positions - j, axis=-1).min() < 0.2 for j in joints)
+
+
+def test_a_mannequin_s_bones_follow_the_joints(walk):
+    figure = make_figure(Scene(), "x", walk, np.zeros(3), "mannequin")
+    figure.pose(5)
+    bones = np.stack([bone.position for bone in figure.mesh.bones])
+    far = [np.linalg.norm(walk.positions[5] - bone, axis=-1).min() for bone in bones]
+    assert max(far) < 0.01
+
+
+def test_motions_stand_side_by_side_on_the_floor(walk):
+    places = _places([walk, walk, walk])
+    spans = [walk.positions[..., 0] + place[0] for place in places]
+    assert all(a.max() < b.min() for a, b in pairwise(spans))
+    assert all((walk.positions[..., 1] + place[1]).min() == pytest.approx(0, abs=1e-6) for place in places)
+
+
+def test_what_npz_holds_is_what_comes_back(walk, tmp_path):
+    path = write_npz(walk, tmp_path / "a.npz")
+    assert work.read_upload("a.npz", path.read_bytes()).fps == walk.fps

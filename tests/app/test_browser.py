@@ -1,0 +1,157 @@
+"""The page in a real browser: a prompt typed, a motion seen moving, files downloaded and read, visitors kept apart.
+
+Needs Chromium (Debian: `apt-get install chromium`); without one these tests fail and say so. With APP_MODELS a folder
+of trained models is shown in place of the untrained ones, and with APP_PICTURE the page's picture is kept there:
+
+    APP_MODELS=models APP_PICTURE=docs/app.png python -m pytest tests/app/test_browser.py -k moving
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+import pytest
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from motionary import read_motion
+from motionary.corpus.demo import demo_clip
+
+PATIENCE = 240_000  # milliseconds: the machine may be busy with other things
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+FIGURE = {"x": 320, "y": 130, "width": 340, "height": 500}  # of the page: where motions stand, no controls
+
+
+@pytest.fixture(scope="module")
+def url(pipeline):
+    models = os.environ.get("APP_MODELS", str(pipeline / "models"))
+    command = [sys.executable, "-m", "motionary.cli", "app", "--port", "0", "--models", models, "--device", "cpu"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert server.stdout is not None
+    line = next((line for line in server.stdout if "motionary is at" in line), "")
+    yield line.split()[3]
+    server.terminate()
+    assert server.wait(60) == 0
+
+
+@pytest.fixture(scope="module")
+def browser():
+    names = ("chromium", "chromium-browser", "google-chrome")
+    program = next((found for name in names if (found := shutil.which(name))), None)
+    if program is None:
+        pytest.fail("no Chromium here; on Debian and Ubuntu: apt-get install chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser: Browser, url: str):
+    """Opens the page as a new visitor."""
+    contexts = []
+
+    def new() -> Page:
+        contexts.append(browser.new_context(viewport={"width": 1100, "height": 720}, accept_downloads=True))
+        page = contexts[-1].new_page()
+        page.set_default_timeout(PATIENCE)
+        page.goto(url)
+        page.get_by_text("Ready.", exact=True).wait_for()
+        return page
+
+    yield new
+    for context in contexts:
+        context.close()
+
+
+def picture(page: Page) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=FIGURE))).convert("RGB")).astype(int)
+
+
+def changed(a: np.ndarray, b: np.ndarray) -> int:
+    """Pixels that differ clearly."""
+    return int((np.abs(a - b).max(-1) > 40).sum())
+
+
+def generate(page: Page, text: str) -> None:
+    page.get_by_role("textbox").first.fill(text)
+    page.get_by_role("textbox").first.blur()
+    page.get_by_role("button", name="Generate", exact=True).click()
+    page.get_by_text("Read as:").wait_for()
+
+
+def download(page: Page, extension: str, folder: Path) -> Path:
+    with page.expect_download() as caught:
+        page.get_by_role("button", name=extension, exact=True).last.click()
+    target = folder / caught.value.suggested_filename
+    caught.value.save_as(target)
+    return target
+
+
+def upload(page: Page, path: Path) -> None:
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Upload a motion").click()
+    chooser.value.set_files(path)
+
+
+def test_a_prompt_is_seen_moving_and_its_files_are_read(visit, tmp_path):
+    page = visit()
+    empty = picture(page)
+    generate(page, "a person waves with the left hand")
+    page.wait_for_timeout(2000)
+    first = picture(page)
+    assert changed(empty, first) > 500  # somebody stands there
+    page.wait_for_timeout(700)
+    moved = max(changed(first, picture(page)) for _ in range(3))
+    assert moved > 50
+    if "APP_PICTURE" in os.environ:
+        page.wait_for_timeout(15_000)  # notes about the browser have gone
+        page.screenshot(path=os.environ["APP_PICTURE"])
+    page.get_by_label("Playing").uncheck()
+    page.wait_for_timeout(1500)
+    assert changed(picture(page), picture(page)) < 20  # it stands still when told to
+    motion = read_motion(download(page, "bvh", tmp_path))
+    assert motion.frames > 3
+    assert len(motion.skeleton.joints) >= 22
+    assert np.ptp(motion.positions, axis=0).max() > 0
+    document = pygltflib.GLTF2().load(str(download(page, "glb", tmp_path)))
+    assert document.animations
+    assert download(page, "mp4", tmp_path).read_bytes()[4:8] == b"ftyp"
+
+
+def test_visitors_do_not_see_each_other_and_uploads_are_checked(visit, tmp_path):
+    ann, ben = visit(), visit()
+    before = picture(ben)
+    generate(ann, "a person jumps twice")
+    assert ann.get_by_text("a person jumps twice").count() > 0
+    ben.wait_for_timeout(1500)
+    assert ben.get_by_text("a person jumps twice").count() == 0
+    assert ben.get_by_text("Read as:").count() == 0
+    assert changed(before, picture(ben)) < 20
+
+    ben.get_by_role("tab", name="Read").click()
+    broken, large, walk = tmp_path / "broken.bvh", tmp_path / "large.npz", tmp_path / "walk.bvh"
+    broken.write_text("HIERARCHY\nROOT hips\n{ nonsense")
+    upload(ben, broken)
+    ben.get_by_text("broken.bvh").first.wait_for()  # one line that names the file and the rule
+    large.write_bytes(bytes(21 * 2**20))
+    upload(ben, large)
+    ben.get_by_text("The file was not taken").wait_for()
+    demo_clip(3)[0].save(walk)
+    upload(ben, walk)
+    ben.get_by_text("Captions").wait_for()
+    assert ben.get_by_text("walk.bvh").count() > 0
+    assert ann.get_by_text("walk.bvh").count() == 0
+
+    ben.get_by_role("tab", name="Search").click()
+    ben.get_by_role("button", name="Search", exact=True).click()
+    ben.get_by_text("3 matches").wait_for()
+    assert ben.get_by_role("button", name="glb", exact=True).count() == 3
+    assert ann.get_by_role("button", name="glb", exact=True).count() == 1
