@@ -15,10 +15,11 @@ import numpy as np
 import torch
 
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
-from motionary.bench.measure import convolution_flops, least_time, matmul_rate
+from motionary.bench.measure import convolution_flops, cpu_time, least_time, matmul_rate
 from motionary.bench.shapes import Shapes
 from motionary.bench.style import stylization, stylize
 from motionary.bench.temporal import prompts, text2length, text2motion
+from motionary.bench.use import first_frame, page, shell
 from motionary.bench.work import Case, Work, clock, noise, training_step
 
 # Modules of the project are imported by the case that needs them: one that is absent is then reported as such, and
@@ -192,8 +193,11 @@ def _write(extension: str) -> Callable[[Shapes], Work]:
         from motionary.formats import write_motion
 
         folder = tempfile.TemporaryDirectory()  # it goes with the closure
-        motion = make_motion(round(shapes.seconds * FPS))
-        return Work(lambda: write_motion(motion, Path(folder.name) / f"motion{extension}"))
+        motion, path = make_motion(round(shapes.seconds * FPS)), Path(folder.name) / f"motion{extension}"
+        begun = cpu_time()
+        write_motion(motion, path)
+        first = cpu_time() - begun
+        return Work(lambda: write_motion(motion, path), lambda seconds: f"{clock(first)} for the first of a process")
 
     return prepare
 
@@ -224,7 +228,10 @@ CASES: tuple[Case, ...] = (
     Case("stylize", "160 frames in another style", stylize(1), 0.043, 0.02),
     Case("stylize32", "32 x 160 frames in another style", stylize(), 0.64, 0.4),
     Case("metrics", "R-precision and FID of 4000 x 512", _metrics, 0.4625, 0.15),
-    Case("mp4", "a motion of 10 s to mp4", _write(".mp4")),
-    Case("glb", "a motion of 10 s to glb, with a body", _write(".glb")),
+    Case("mp4", "a motion of 10 s to mp4", _write(".mp4"), None, 5.0),
+    Case("glb", "a motion of 10 s to glb, with a body", _write(".glb"), None, 0.3),
     Case("bvh", "a BVH of 10 s read", _read_bvh),
+    Case("shell", "300 texts to files from the shell, start and load included", shell, None, 25.0),
+    Case("page", "the page from its start", page, None, 5.0),
+    Case("first_frame", "from a prompt to a moving figure, scale=small", first_frame, None, 2.0),
 )

@@ -31,6 +31,7 @@ class Shapes:
         prompts: sentences that the temporal VAE turns into motions of 4 x tokens frames.
         items: rows of the features that R-precision and FID are computed of.
         seconds: length of the motion that is written to files.
+        small_width, small_gru_width, small_text_width: of the tokenizer and text2token at `scale=small`.
         matmul: rows of the matrices whose product measures the machine.
     """
 
@@ -69,6 +70,9 @@ class Shapes:
     prompts: int = 32
     items: int = 4000
     seconds: float = 10.0
+    small_width: int = 384
+    small_gru_width: int = 512
+    small_text_width: int = 256
     matmul: int = 1536
 
 
@@ -77,5 +81,5 @@ SMALL = Shapes(
     tokens=6, transformer_width=16, layers=1, feed_forward=32, heads=2, text_width=8, gru_width=16, word_dim=8,
     captions=3, caption_words=4, texts=5, snippet_windows=4, snippet_window=16, snippet_width=16, pairs=4,
     motion_width=8, embedding=12, sequences=4, snippets=6, latent=4, prompts=5, items=64, seconds=0.5, matmul=64,
-    style_window=32, style_width=16,
+    style_window=32, style_width=16, small_width=16, small_gru_width=16, small_text_width=8,
 )  # fmt: skip
