@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tiny import add_stylizers
 
 import motionary
 from motionary import read_motion
@@ -20,26 +21,9 @@ from motionary.motion import Motion, Skeleton, resample
 @pytest.fixture(scope="module")
 def models(pipeline, tmp_path_factory) -> Path:
     """The untrained pipeline with stylizers of both settings on the demo corpus's styles."""
-    from motionary.corpus.store import Corpus
-    from motionary.models.global_motion import GlobalMotion, GlobalMotionConfig
-    from motionary.models.io import save_model
-    from motionary.models.latents import Latents, LatentsConfig
-    from motionary.models.layers import seeded
-    from motionary.models.stylization import SETTINGS, build
-
     folder = tmp_path_factory.mktemp("styled") / "models"
     shutil.copytree(pipeline / "models", folder)
-    context = Corpus.open(pipeline / "data/corpus").context
-    with seeded(0):
-        latents = Latents(LatentsConfig(width=16, code_dim=12), context)
-        save_model(
-            folder / "global_motion", "global_motion", GlobalMotion(GlobalMotionConfig(width=8), context), context
-        )
-        for setting in SETTINGS:
-            values = {"width": 16, "content_dim": 8, "style_dim": 6, "blocks": 1}
-            save_model(
-                folder / "stylization" / setting, "stylization", build(values, setting, latents, context, 64), context
-            )
+    add_stylizers(pipeline, folder)
     return folder
 
 

@@ -54,6 +54,28 @@ def build_pipeline(root: Path, clips: int = 24) -> Path:
     return root
 
 
+def add_stylizers(root: Path, models: Path) -> None:
+    """Untrained stylizers of both settings, on the styles of root/data/corpus, into `models`."""
+    from motionary.corpus.store import Corpus
+    from motionary.models.global_motion import GlobalMotion, GlobalMotionConfig
+    from motionary.models.io import save_model
+    from motionary.models.latents import Latents, LatentsConfig
+    from motionary.models.layers import seeded
+    from motionary.models.stylization import SETTINGS, build
+
+    context = Corpus.open(root / "data/corpus").context
+    with seeded(0):
+        latents = Latents(LatentsConfig(width=16, code_dim=12), context)
+        save_model(
+            models / "global_motion", "global_motion", GlobalMotion(GlobalMotionConfig(width=8), context), context
+        )
+        for setting in SETTINGS:
+            values = {"width": 16, "content_dim": 8, "style_dim": 6, "blocks": 1}
+            save_model(
+                models / "stylization" / setting, "stylization", build(values, setting, latents, context, 64), context
+            )
+
+
 @pytest.fixture(scope="session")
 def pipeline(tmp_path_factory) -> Path:
     """A folder with data/corpus and models/ of untrained systems; read only."""

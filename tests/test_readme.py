@@ -1,0 +1,144 @@
+"""Every example of the README runs: Python and `motionary` lines as they stand, on untrained models; what takes long or
+belongs to the pipeline is held against what it names."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shlex
+import shutil
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+import yaml
+from PIL import Image
+from tiny import add_stylizers
+
+from motionary.arguments import build_parser
+from motionary.cli import COMMANDS, main
+from motionary.corpus.demo import demo_clip
+from motionary.corpus.sources import FolderSource
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+TEXT = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", TEXT, re.DOTALL | re.MULTILINE)
+
+
+LINES = [line for block in blocks("bash") for line in block.splitlines() if line.strip()]
+COMMANDS_SHOWN = [part.strip() for line in LINES for part in line.split("&&")]
+
+
+@pytest.fixture(scope="module")
+def folder(pipeline, tmp_path_factory) -> Path:
+    """Where a reader would stand: models, the corpus and two motions."""
+    root = tmp_path_factory.mktemp("readme")
+    shutil.copytree(pipeline / "models", root / "models")
+    shutil.copytree(pipeline / "data", root / "data")
+    add_stylizers(root, root / "models")
+    for name, index in (("walk.bvh", 3), ("limp.bvh", 4)):
+        demo_clip(index)[0].save(root / name)
+    return root
+
+
+def words(command: str) -> list[str]:
+    return shlex.split(command, comments=True)
+
+
+def test_python_examples_run_one_after_the_other(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    styles = sorted(set(re.findall(r'style="(\w+)"', TEXT)) | {"old", "happy"})
+    names: dict = {}
+    for block in blocks("python"):
+        if "d.styles" in block:  # the demo corpus's labels stand for the readers' own
+            known = names["d"].styles
+            for i, style in enumerate(styles):
+                block = block.replace(f'"{style}"', f'"{known[i % len(known)]}"')
+        exec(compile(block, "README.md", "exec"), names)
+    assert len(names["motions"]) == 3
+    assert len(names["found"]) == 3
+    for picture in ("generated.png", "caption.png", "search.png"):
+        assert Image.open(folder / picture).width > 500
+
+
+SHELL = [command for command in COMMANDS_SHOWN if command.startswith("motionary ")]
+
+
+def test_shell_examples_run_one_after_the_other(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    parser = build_parser(COMMANDS)
+    import motionary
+
+    known = motionary.load("models").styles[0]
+    ran = []
+    for command in SHELL:
+        given = []
+        for word in words(command)[1:]:
+            given += sorted(str(p.relative_to(folder)) for p in folder.glob(word)) if "*" in word else [word]
+        given = [known if before == "--style" else word for before, word in zip(["", *given], given, strict=False)]
+        assert parser.parse_args(given).run is COMMANDS[given[0]]
+        if given[0] != "app":  # served in tests/app
+            assert main(given) == 0, f"{command}\n{capsys.readouterr().err}"
+        ran.append(given[0])
+    assert {"generate", "caption", "stylize", "search", "convert", "view", "app"} <= set(ran)
+    assert {path.suffix for path in (folder / "out").iterdir()} >= {".bvh", ".glb", ".mp4"}
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS_SHOWN if not c.startswith("motionary ")])
+def test_other_commands_name_what_exists(command):
+    given = [word for word in words(command) if not re.fullmatch(r"[A-Z_]+=\S+", word)]
+    program, *rest = given
+    if program == "make":
+        assert re.search(rf"^{rest[0]}:.*##", (REPOSITORY / "Makefile").read_text(), re.MULTILINE), command
+    elif program in ("python", "torchrun"):
+        script = next((word for word in rest if word.endswith(".py")), None)
+        if "-m" in rest and (script is None or rest.index("-m") < rest.index(script)):
+            assert importlib.util.find_spec(rest[rest.index("-m") + 1]), command
+        assert script is None or (REPOSITORY / script).is_file(), command
+        for word in rest:
+            if re.fullmatch(r"[a-z_]+\.[a-z_.]+=\S+", word):
+                assert _known(word.split("=")[0]), command
+    elif program == "dvc":
+        for before, word in pairwise(rest):
+            if before == "-S":
+                assert _known(word.split("=")[0]), command
+    else:
+        assert program in ("chromium", "."), f"{command}: nothing holds this example"
+
+
+def _known(key: str) -> bool:
+    """Whether conf has this key, or this group."""
+    value = yaml.safe_load((REPOSITORY / "params.yaml").read_text())
+    if (REPOSITORY / "conf" / key).is_dir():
+        return True
+    for part in key.split("."):
+        if not isinstance(value, dict) or part not in value:
+            return False
+        value = value[part]
+    return True
+
+
+def test_the_listing_shown_is_one_that_is_read(tmp_path):
+    (block,) = blocks("json")
+    clip = json.loads(block)
+    (tmp_path / clip["motion"]).parent.mkdir()
+    demo_clip(3)[0].save(tmp_path / clip["motion"])
+    (tmp_path / "clips.jsonl").write_text(json.dumps(clip) + "\n")
+    clips, problems = FolderSource(tmp_path, "mine").clips()
+    assert not problems
+    assert [found.action for found in clips] == ["wave"]
+
+
+def test_pictures_and_links_are_there_and_small():
+    targets = re.findall(r"\]\(([^)#]+)\)", TEXT)
+    for target in targets:
+        if "://" not in target:
+            assert (REPOSITORY / target).is_file(), target
+    pictures = [target for target in targets if target.endswith(".png")]
+    assert len(pictures) >= 5
+    for picture in pictures:
+        assert (REPOSITORY / picture).stat().st_size < 200_000, picture
