@@ -146,8 +146,15 @@ class _Scorer:
         styles = self.corpus.style_ids[draw.contents]
         own = replace(draw, targets=styles)
         labeled = bool((own.targets >= 0).all()) and bool(self.split.scored)
-        other = self.measures.real(draw.others) if len(draw.others) >= 2 else None
-        rows = {REAL: scored(content, other, other, own, self.split, labeled)}
+        # Two halves of all real contents drawn: the least distance that can be told apart with so few.
+        half = (len(draw.contents) + len(draw.others)) // 2
+        second = self.measures.real(np.concatenate([draw.contents, draw.others])[half:])
+        rows = {REAL: {}}
+        if half >= 2:
+            rows[REAL] = scored(
+                content.take(np.arange(half)), second, second, own.take(np.arange(half)), self.split, labeled
+            )
+        rows[REAL] |= scored(content, None, None, own, self.split, labeled)
         rows[COPY] = scored(content, content, style, draw, self.split, True)
         if self.split.scored:
             rows[STYLE] = scored(style, content, None, draw, self.split, True)
