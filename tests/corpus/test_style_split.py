@@ -50,6 +50,10 @@ def test_cells_leave_training_whole_and_stay_known_elsewhere():
     assert (corpus.clips.split[split.train] == "train").all()
     assert corpus.clips.mirrored[split.train].any()
     assert (corpus.style_ids[split.labeled] >= 0).all()
+    assert len(split.references)
+    assert (corpus.clips.split[split.references] == "test").all()
+    assert not {cell[i] for i in split.references} & set(split.cells)
+    assert set(corpus.style_ids[split.references]) <= set(split.scored)
     assert (corpus.style_ids[split.unseen] < 0).all()
     trained = {cell[i] for i in split.train}
     for style, action in split.cells:

@@ -26,6 +26,8 @@ class StyleSplit:
         labeled: those of `train` with a style label.
         validation: rows of split "val" in no held-out cell.
         test: unmirrored rows of the held-out cells, of any split of the corpus: nothing is trained on them.
+        references: unmirrored rows of split "test" of the scored styles, in no held-out cell: motions that nothing is
+            trained on and that show a style as training does, clip by clip like the thesis's test set.
         unseen: unmirrored rows of split "test" without a style label: unseen content.
     """
 
@@ -37,6 +39,7 @@ class StyleSplit:
     labeled: np.ndarray
     validation: np.ndarray
     test: np.ndarray
+    references: np.ndarray
     unseen: np.ndarray
 
 
@@ -82,6 +85,7 @@ def style_split(corpus: Corpus, held_out: float = 0.2, scored_clips: int = 100, 
         labeled=np.flatnonzero(train & (styles >= 0)),
         validation=np.flatnonzero((clips.split == "val") & ~inside),
         test=np.flatnonzero(test),
+        references=np.flatnonzero((clips.split == "test") & ~inside & np.isin(styles, scored) & ~clips.mirrored),
         unseen=np.flatnonzero((clips.split == "test") & (styles < 0) & ~clips.mirrored),
     )
 

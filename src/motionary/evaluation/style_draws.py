@@ -19,7 +19,7 @@ class Draw:
         contents: (N,) rows of the corpus.
         actions: (N,) their action ids, -1 where unknown.
         targets: (N,) style ids, -1 where the corpus has no scored style.
-        references: (N,) rows of motions of the target style, of cells that nothing was trained on.
+        references: (N,) rows of motions of the target style, of clips that nothing was trained on.
         others: (M,) rows of further contents, for the distance of two sets of real motions; M may be 0.
         cells: (N,) rows of real motions of the target style and the content's own action, -1 where there is none.
         seeds: (N,) of the stylizer.
@@ -53,16 +53,17 @@ class Drawer:
     def __init__(self, corpus: Corpus, split: StyleSplit, pool: np.ndarray, receptive: int = 1, unseen: bool = False):
         self.corpus, self.split, self.unseen = corpus, split, unseen
         long = corpus.clips.length >= receptive
-        source = split.test if split.scored else np.asarray(pool)
-        source = source[long[source]]
-        if not len(source):
-            raise InputError("references", 0, f"no motion lasts at least {receptive} frames")
-        style = corpus.style_ids[source]
-        self.references = {s: source[style == s] for s in split.scored} if split.scored else {-1: source}
-        for s, rows in self.references.items():
-            if not len(rows):
-                rule = f"no held-out motion lasts at least {receptive} frames"
-                raise InputError("style", split.styles[s], rule)
+        # Clips that nothing was trained on, of combinations that were; where a style has none, its held-out ones. A
+        # style shown only by combinations that training never met would ask more of a reference than any user does.
+        sources = (split.references, split.test) if split.scored else (np.asarray(pool),)
+        self.references: dict[int, np.ndarray] = {}
+        for style in split.scored or (-1,):
+            of_style = [rows[long[rows] & ((corpus.style_ids[rows] == style) | (style < 0))] for rows in sources]
+            found = next((rows for rows in of_style if len(rows)), None)
+            if found is None:
+                name = split.styles[style] if style >= 0 else "any"
+                raise InputError("references", f"style {name}", f"no unseen motion lasts at least {receptive} frames")
+            self.references[style] = found
         self.pool = np.array([row for row in pool if self._wanted(row)], dtype=np.int64)
         unmirrored = np.flatnonzero(~corpus.clips.mirrored & (corpus.style_ids >= 0))
         self.of_cell: dict[tuple[int, int], list[int]] = {}
