@@ -157,7 +157,7 @@ def test_draws_ask_for_other_styles_of_held_out_motions(corpus, split):
     own = corpus.style_ids[draw.contents]
     assert (draw.targets != own).all()
     assert set(draw.targets) <= set(split.scored)
-    assert set(draw.references) <= set(split.test)
+    assert set(draw.references) <= set(split.references)
     np.testing.assert_array_equal(corpus.style_ids[draw.references], draw.targets)
     there = draw.cells >= 0
     np.testing.assert_array_equal(corpus.style_ids[draw.cells[there]], draw.targets[there])

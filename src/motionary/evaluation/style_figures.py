@@ -70,7 +70,8 @@ def many_styles(
         asked = {"setting": "supervised", "labels": styles}
     elif styles:
         long = corpus.clips.length >= stylizer.receptive
-        references = [next(i for i in split.test if corpus.style_ids[i] == s and long[i]) for s in styles]
+        known = np.concatenate([split.references, split.test])
+        references = [next(i for i in known if corpus.style_ids[i] == s and long[i]) for s in styles]
         asked["references"] = [corpus.features(i) for i in references]
     else:
         names = [f"draw {i + 1} of the prior" for i in range(5)]
