@@ -13,6 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ def url(pipeline):
     line = next((line for line in server.stdout if "motionary is at" in line), "")
     yield line.split()[3]
     server.terminate()
-    assert server.wait(60) == 0
+    assert server.wait(240) == 0
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,23 @@ def picture(page: Page) -> np.ndarray:
 
 def changed(a: np.ndarray, b: np.ndarray) -> int:
     """Pixels that differ clearly."""
-    return int((np.abs(a - b).max(-1) > 40).sum())
+    return int((np.abs(a - b).max(-1) > 25).sum())
+
+
+def until(page: Page, holds: Callable[[], bool], what: str) -> None:
+    """Waits as long as a busy machine may need."""
+    for _ in range(200):
+        if holds():
+            return
+        page.wait_for_timeout(300)
+    pytest.fail(f"never came: {what}")
+
+
+def still(page: Page) -> bool:
+    """Two pictures, half a second apart, are the same."""
+    before = picture(page)
+    page.wait_for_timeout(500)
+    return changed(before, picture(page)) == 0
 
 
 def generate(page: Page, text: str) -> None:
@@ -103,20 +120,17 @@ def upload(page: Page, path: Path) -> None:
 
 def test_a_prompt_is_seen_moving_and_its_files_are_read(visit, tmp_path):
     page = visit()
+    until(page, lambda: still(page), "a page at rest")
     empty = picture(page)
     generate(page, "a person waves with the left hand")
-    page.wait_for_timeout(2000)
+    until(page, lambda: changed(empty, picture(page)) > 500, "a figure")
     first = picture(page)
-    assert changed(empty, first) > 500  # somebody stands there
-    page.wait_for_timeout(700)
-    moved = max(changed(first, picture(page)) for _ in range(3))
-    assert moved > 50
+    until(page, lambda: changed(first, picture(page)) > 30, "a movement")
     if "APP_PICTURE" in os.environ:
         page.wait_for_timeout(15_000)  # notes about the browser have gone
         page.screenshot(path=os.environ["APP_PICTURE"])
-    page.get_by_label("Playing").uncheck()
-    page.wait_for_timeout(1500)
-    assert changed(picture(page), picture(page)) < 20  # it stands still when told to
+    page.get_by_role("checkbox").first.uncheck(force=True)
+    until(page, lambda: still(page), "a figure that stands still when told to")
     motion = read_motion(download(page, "bvh", tmp_path))
     assert motion.frames > 3
     assert len(motion.skeleton.joints) >= 22
@@ -128,6 +142,7 @@ def test_a_prompt_is_seen_moving_and_its_files_are_read(visit, tmp_path):
 
 def test_visitors_do_not_see_each_other_and_uploads_are_checked(visit, tmp_path):
     ann, ben = visit(), visit()
+    until(ben, lambda: still(ben), "a page at rest")
     before = picture(ben)
     generate(ann, "a person jumps twice")
     assert ann.get_by_text("a person jumps twice").count() > 0
@@ -140,7 +155,8 @@ def test_visitors_do_not_see_each_other_and_uploads_are_checked(visit, tmp_path)
     broken, large, walk = tmp_path / "broken.bvh", tmp_path / "large.npz", tmp_path / "walk.bvh"
     broken.write_text("HIERARCHY\nROOT hips\n{ nonsense")
     upload(ben, broken)
-    ben.get_by_text("broken.bvh").first.wait_for()  # one line that names the file and the rule
+    ben.get_by_text("That does not work").wait_for()
+    assert ben.get_by_text("broken.bvh").count() > 0  # one line that names the file and the rule
     large.write_bytes(bytes(21 * 2**20))
     upload(ben, large)
     ben.get_by_text("The file was not taken").wait_for()
