@@ -5,25 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from styled import Copier, Perfect, styled_corpus
+from tiny import add_stylizers
 
 from motionary.corpus.store import Corpus
 from motionary.corpus.styles import style_split
 from motionary.errors import InputError
-from motionary.evaluation.style_draws import Drawer
+from motionary.evaluation.style_draws import HELD_OUT, TARGETS, TEST, UNLABELED, Drawer
 from motionary.evaluation.style_figures import draw_codes, many_styles
 from motionary.evaluation.style_measures import local_rotations, spread, turned
-from motionary.evaluation.stylization import (
-    CELL,
-    COPIED_ROOT,
-    COPY,
-    HELD_OUT,
-    REAL,
-    STYLE,
-    TARGETS,
-    UNLABELED,
-    StyleProtocol,
-    score_stylization,
-)
+from motionary.evaluation.stylization import CELL, COPIED_ROOT, COPY, REAL, STYLE, StyleProtocol, score_stylization
 from motionary.models.style_evaluator import StyleJudge
 
 PROTOCOL = StyleProtocol(repetitions=4, contents=10, diversity_contents=3, diversity_samples=3, pose_step=8)
@@ -141,8 +131,8 @@ def test_without_labels_the_unsupervised_setting_is_measured_alone(context):
     corpus = styled_corpus(context, labels=False, bare=16)
     split = style_split(corpus)
     found = score(Copier(), corpus, split, BOTH, TrueJudge(corpus, trained=False))
-    assert set(found) == {UNLABELED}
-    rows = found[UNLABELED]
+    assert set(found) == {TEST}
+    rows = found[TEST]
     assert {"motion-based (U)", "prior-based (U)"} <= set(rows)
     assert not any("(S)" in row for row in rows)
     assert set(rows["motion-based (U)"]) == {"geodesic", "foot_skating"}
@@ -222,3 +212,33 @@ def test_a_trained_judge_serves(corpus, split):
     judge = StyleJudge(StyleEvaluator(StyleEvaluatorConfig(width=8, dim=4), corpus.context))
     rows = score(Copier(), corpus, split, ("unsupervised",), judge, StyleProtocol(repetitions=1, contents=6))
     assert "style_fid" in rows[HELD_OUT]["motion-based (U)"]
+
+
+def test_a_corpus_whose_styles_are_too_rare_is_measured_all_the_same(corpus):
+    """Nothing is held out; contents come from the test split, and what needs a scored style is left out."""
+    split = style_split(corpus, 0.3, scored_clips=1000)
+    rows = score(Copier(), corpus, split)[TEST]
+    assert not any("(S)" in row for row in rows)
+    assert set(rows[REAL]) >= {"content_accuracy", "content_fid", "foot_skating"}
+    assert "style_accuracy" not in rows["motion-based (U)"]
+    assert mean(rows, "motion-based (U)", "content_accuracy") == 1
+    assert any(COPIED_ROOT in row for row in rows)
+    assert draw_codes(Copier(), corpus, split, BOTH, 40) is None
+    assert many_styles(Perfect(corpus), corpus, split, BOTH)[1][1:] == list(split.styles)
+    assert len(many_styles(Perfect(corpus), corpus, split, ("unsupervised",))[0]) == 6
+
+
+def test_the_real_stylizer_is_scored_on_the_demo_corpus(pipeline, tmp_path):
+    """Untrained models, whose answers are wrong but have every shape and interface."""
+    from motionary.models.style_evaluator import StyleEvaluator, StyleEvaluatorConfig
+    from motionary.models.stylization import open_stylizer
+
+    add_stylizers(pipeline, tmp_path)
+    corpus, stylizer = Corpus.open(pipeline / "data/corpus"), open_stylizer(tmp_path)
+    split = style_split(corpus)
+    judge = StyleJudge(StyleEvaluator(StyleEvaluatorConfig(width=8, dim=4), corpus.context))
+    settings = list(stylizer.stylizers)
+    found = score_stylization(stylizer, judge, corpus, split, StyleProtocol(2, 4, 2, 2), settings)
+    assert {"motion-based (U)", "prior-based (U)"} < set(found[TEST]["rows"])
+    motions, _ = many_styles(stylizer, corpus, split, settings)
+    assert len(motions) == 1 + min(8, len(corpus.context.styles))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from motionary.evaluation.plan import Experiment, Study
+from motionary.evaluation.style_draws import HELD_OUT
 from motionary.metrics.intervals import paired_interval
 from motionary.report.results import at
 from motionary.report.stylization import SCORED
@@ -22,7 +23,7 @@ _HELD = ("Real lengths R@3", "Real lengths FID")
 _GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_HELD, "Oracle", "Caption NLL")
 _CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3")
 _CODES = ("Local MPJPE (mm)", "Codes used")
-STYLED = "held-out combinations"  # the contents by which ablations of stylization are compared
+STYLED = HELD_OUT  # the contents by which ablations of stylization are compared
 _STYLED = tuple(
     f"{way}: {heading}"
     for way in ("label-based (S)", "motion-based (S)", "motion-based (U)", "prior-based (U)")

@@ -10,6 +10,9 @@ from motionary.corpus.store import Corpus
 from motionary.corpus.styles import StyleSplit
 from motionary.errors import InputError
 
+HELD_OUT, TARGETS, UNLABELED = "held-out combinations", "held-out targets", "unlabeled contents"
+TEST = "test motions"
+
 
 @dataclass(frozen=True)
 class Draw:
@@ -36,6 +39,19 @@ class Draw:
     def take(self, where: np.ndarray) -> Draw:
         """The contents at positions `where`, with what is asked of them."""
         return replace(self, **{k: v[where] for k, v in vars(self).items() if k != "others"})
+
+
+def pools(corpus: Corpus, split: StyleSplit) -> dict[str, np.ndarray]:
+    """Rows that serve as contents, by part; nothing was trained on any of them.
+
+    With scored styles: the motions of the held-out cells; the test split's labeled motions of other cells, to be asked
+    for held-out combinations; the test split's motions without style label. Without: the test split.
+    """
+    test = np.flatnonzero((corpus.clips.split == "test") & ~corpus.clips.mirrored)
+    if not split.scored:
+        return {TEST: test}
+    rest = np.setdiff1d(test[corpus.style_ids[test] >= 0], split.test)
+    return {HELD_OUT: split.test, TARGETS: rest, UNLABELED: split.unseen}
 
 
 class Drawer:

@@ -9,8 +9,10 @@ import numpy as np
 
 from motionary.corpus.store import Corpus
 from motionary.corpus.styles import StyleSplit
+from motionary.evaluation.style_draws import pools
 from motionary.motion import Motion
 
+MOST = 8  # styles in the picture of one motion
 _NAMES = {"supervised": "supervised: beside the label", "unsupervised": "unsupervised: without labels"}
 
 
@@ -59,18 +61,17 @@ def draw_codes(stylizer: Any, corpus: Corpus, split: StyleSplit, settings: Seque
 def many_styles(
     stylizer: Any, corpus: Corpus, split: StyleSplit, settings: Sequence[str], seed: int = 0
 ) -> tuple[list[Motion], list[str]]:
-    """One test motion and what stylization makes of it, with captions: each scored style by its label, or by a
-    reference where labels were not trained; without any style in the corpus, five draws of the prior."""
-    pool = split.test if len(split.test) else split.unseen
-    row = _typical(corpus, pool)
-    styles, features = list(split.scored), corpus.features(row)
+    """One test motion and what stylization makes of it, with captions: each scored style (without any: each known one)
+    by its label, or by a reference where labels were not trained; else five draws of the prior."""
+    row = _typical(corpus, next(iter(pools(corpus, split).values())))
+    features = corpus.features(row)
+    styles = list(split.scored or range(len(split.styles)))[:MOST]
     names = [split.styles[s] for s in styles]
-    asked: dict[str, Any] = {"setting": settings[0]}
+    asked: dict[str, Any] = {"setting": "unsupervised"}
     if styles and "supervised" in settings:
         asked = {"setting": "supervised", "labels": styles}
-    elif styles:
-        long = corpus.clips.length >= stylizer.receptive
-        known = np.concatenate([split.references, split.test])
+    elif split.scored:
+        known, long = np.concatenate([split.references, split.test]), corpus.clips.length >= stylizer.receptive
         references = [next(i for i in known if corpus.style_ids[i] == s and long[i]) for s in styles]
         asked["references"] = [corpus.features(i) for i in references]
     else:

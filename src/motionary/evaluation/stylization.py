@@ -13,7 +13,7 @@ from motionary.corpus.store import Corpus
 from motionary.corpus.styles import StyleSplit
 from motionary.errors import InputError
 from motionary.evaluation.scores import summarize
-from motionary.evaluation.style_draws import Draw, Drawer
+from motionary.evaluation.style_draws import HELD_OUT, TARGETS, TEST, Draw, Drawer, pools
 from motionary.evaluation.style_measures import Measured, Measures, local_rotations, scored, spread, turned
 from motionary.models.style_evaluator import StyleJudge
 
@@ -58,7 +58,6 @@ WAYS = (
     Way("prior-based (U)", "unsupervised", False, False),
 )
 REAL, COPY, STYLE, CELL = "real motions", "copied content", "copied style motion", "real motion of the target cell"
-HELD_OUT, TARGETS, UNLABELED = "held-out combinations", "held-out targets", "unlabeled contents"
 COPIED_ROOT = "without global motion prediction"
 
 
@@ -83,21 +82,16 @@ def score_stylization(
         seed: of the draws.
 
     Returns:
-        {part: {"items", "pool", "rows": {row: {metric: interval}}}}. As contents serve the motions of the held-out
-        cells; the test split's motions of other cells where a held-out combination is asked for; and the test split's
-        clips without style label. Parts without motions are left out; without style labels there are no accuracies.
+        {part: {"items", "pool", "rows": {row: {metric: interval}}}} for each part of `style_draws.pools` that has
+        motions; without scored styles there are no accuracies of style.
     """
-    clips, scorer = corpus.clips, _Scorer(stylizer, judge, corpus, split, protocol, settings, seed)
-    rest = np.flatnonzero((clips.split == "test") & ~clips.mirrored & (corpus.style_ids >= 0))
-    first = split.test if split.scored else split.unseen
-    parts = {HELD_OUT: split.test, TARGETS: np.setdiff1d(rest, split.test), UNLABELED: split.unseen}
-    found = {}
-    for name, pool in parts.items():
+    scorer, found = _Scorer(stylizer, judge, corpus, split, protocol, settings, seed), {}
+    for name, pool in pools(corpus, split).items():
         drawer = Drawer(corpus, split, pool, stylizer.receptive, name == TARGETS) if len(pool) else None
         if drawer is not None and len(drawer.pool) >= 2:
-            found[name] = scorer.run(drawer, name, copied_root=pool is first)
+            found[name] = scorer.run(drawer, name, copied_root=name in (HELD_OUT, TEST))
     if not found:
-        raise InputError("style_evaluation", "no content", "needs held-out motions or unlabeled test motions")
+        raise InputError("style_evaluation", "no content", "needs two held-out motions or two of the test split")
     return found
 
 

@@ -17,6 +17,7 @@ SCORED = (
 NOTES = {
     "held-out combinations": "Contents: real motions of combinations of style and action that nothing was trained on",
     "held-out targets": "Asked for: combinations of style and the content's action that nothing was trained on",
+    "test motions": "Contents: real motions of the test split; no style has enough clips to be scored",
     "unlabeled contents": "Contents: real motions of clips without style label",
 }
 
