@@ -135,18 +135,24 @@ def limit_uploads(client: viser.ClientHandle) -> None:
     """
     pending: dict[str, Any] = client.gui._current_file_upload_states
 
-    def drop(transfer: str, size: int) -> None:
-        if size > MOST_BYTES and pending.pop(transfer, None) is not None:
-            rule = f"{size / 2**20:.0f} MB: at most {MOST_BYTES // 2**20} MB can be read here"
-            client.add_notification("The file was not taken", rule, color="red", auto_close_seconds=10)
+    def drop(message: Any, size: int) -> None:
+        if size <= MOST_BYTES or pending.pop(message.transfer_uuid, None) is None:
+            return
+        # The button waits until it hears that everything has arrived.
+        done = {"transferred_bytes": size, "total_bytes": size}
+        client._websock_connection.queue_message(
+            messages.FileTransferPartAck(message.source_component_uuid, message.transfer_uuid, **done)
+        )
+        rule = f"{size / 2**20:.0f} MB: at most {MOST_BYTES // 2**20} MB can be read here"
+        client.add_notification("The file was not taken", rule, color="red", auto_close_seconds=10)
 
     def started(_: int, message: messages.FileTransferStartUpload) -> None:
-        drop(message.transfer_uuid, message.size_bytes)
+        drop(message, message.size_bytes)
 
     def continued(_: int, message: messages.FileTransferPart) -> None:
         state = pending.get(message.transfer_uuid)
         if state is not None:
-            drop(message.transfer_uuid, state["transferred_bytes"])
+            drop(message, state["transferred_bytes"])
 
     client._websock_connection.register_handler(messages.FileTransferStartUpload, started)
     client._websock_connection.register_handler(messages.FileTransferPart, continued)
