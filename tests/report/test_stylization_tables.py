@@ -58,7 +58,7 @@ def test_tables_show_the_numbers_given():
         ["real motions", "0.940 ± 0.011", "0.900", "-"],
         ["label-based (S)", "0.813 ± 0.020", "-", "0.250 ± 0.001"],
     ]
-    assert "64 of 477 in each of 30 repetitions" in first.note
+    assert "64 of 477 contents in each of 30 repetitions" in first.note
     assert "mean over 2 styles" in first.note
     judges = classifiers_table(Results(stages={"style_evaluator": JUDGES}))
     assert judges is not None

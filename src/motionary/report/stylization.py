@@ -30,10 +30,10 @@ def stylization_tables(results: Results) -> list[Table]:
             rows = [[row, *(show(values.get(key)) for _, key in SCORED)] for row, values in found["rows"].items()]
             kept = [0, *(i for i in range(1, 1 + len(SCORED)) if any(row[i] != NONE for row in rows))]
             columns = ["", *(heading for heading, _ in SCORED)]
-            styles = f"style accuracy is the mean over {len(report['styles'])} styles; " if report.get("styles") else ""
+            styles = f" Style accuracy is the mean over {len(report['styles'])} styles." if report.get("styles") else ""
             note = (
-                f"{NOTES.get(part, part)}, {found['items']} of {found['pool']} in each of {report['repetitions']} "
-                f"repetitions; {styles}(S) learned with style labels, (U) without; ± is the 95% interval."
+                f"{found['items']} of {found['pool']} contents in each of {report['repetitions']} repetitions; ± is the "
+                f"95% interval. {NOTES.get(part, part)}.{styles} (S) learned with style labels, (U) without."
             )
             rows = [[row[i] for i in kept] for row in rows]
             tables.append(Table(f"Stylization: {part}", [columns[i] for i in kept], rows, note))
