@@ -125,6 +125,8 @@ class Autoencoder(nn.Module):
     encode(raw (B, T, D), frames (B,)) -> codes (B, T/4, code_dim); decode(codes, count (B,)) -> raw (B, 4S, D).
     """
 
+    weights: Tensor
+
     def __init__(self, config: AutoencoderConfig, context: Any):
         super().__init__()
         self.config, self.context = config, context

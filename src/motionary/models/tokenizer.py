@@ -132,6 +132,8 @@ def _stack(width: int, blocks: int, dilation: int) -> nn.ModuleList:
 class Tokenizer(nn.Module):
     """Motion tokens and back (Eq. 2). Features cross its borders raw; foot contacts never reach the encoder."""
 
+    weights: Tensor
+
     def __init__(self, config: TokenizerConfig, context: Any):
         super().__init__()
         if context.unit != UNIT:
