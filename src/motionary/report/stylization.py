@@ -32,8 +32,8 @@ def stylization_tables(results: Results) -> list[Table]:
             columns = ["", *(heading for heading, _ in SCORED)]
             styles = f" Style accuracy is the mean over {len(report['styles'])} styles." if report.get("styles") else ""
             note = (
-                f"{found['items']} of {found['pool']} contents in each of {report['repetitions']} repetitions; ± is the "
-                f"95% interval. {NOTES.get(part, part)}.{styles} (S) learned with style labels, (U) without."
+                f"{found['items']} of {found['pool']} contents in each of {report['repetitions']} repetitions; ± is "
+                f"the 95% interval. {NOTES.get(part, part)}.{styles} (S) learned with style labels, (U) without."
             )
             rows = [[row[i] for i in kept] for row in rows]
             tables.append(Table(f"Stylization: {part}", [columns[i] for i in kept], rows, note))
