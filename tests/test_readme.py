@@ -139,6 +139,6 @@ def test_pictures_and_links_are_there_and_small():
         if "://" not in target:
             assert (REPOSITORY / target).is_file(), target
     pictures = [target for target in targets if target.endswith(".png")]
-    assert len(pictures) >= 2
+    assert len(pictures) >= 5
     for picture in pictures:
         assert (REPOSITORY / picture).stat().st_size < 200_000, picture
