@@ -14,6 +14,7 @@ from motionary.models.convolutions import Down, Up, coarser, finer, keep, step_m
 from motionary.models.layers import Normalizer, length_mask, masked_mean
 
 VARIANTS = ("V", "A", "none")
+LARGEST = 4.0  # of a log-variance, either way: beyond, one odd clip's noise throws the whole training off
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class Latents(nn.Module):
         if self.config.variant == "A":
             return codes, None
         mean, log_variance = codes.chunk(2, 1)
-        return mean, log_variance
+        return mean, log_variance.clamp(-LARGEST, LARGEST)
 
     def _mean_weights(self) -> tuple[Tensor, Tensor]:
         assert self.second.bias is not None
