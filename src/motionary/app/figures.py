@@ -56,7 +56,7 @@ class _Limbs:
             f"{name}/limbs", *tube, self.turns[0], self.middles[0], batched_scales=scales, batched_colors=colors,
             lod="off",
         )  # fmt: skip
-        still = np.tile(np.float32([1, 0, 0, 0]), (2 * len(radius), 1))
+        still = np.tile(np.array([1, 0, 0, 0], np.float32), (2 * len(radius), 1))
         self.balls = scene.add_batched_meshes_simple(
             f"{name}/joints", *ball, still, self.tips[0], batched_scales=np.concatenate([radii[:, 0], radii[:, 1]]),
             batched_colors=np.concatenate([colors, colors]), lod="off",

@@ -94,8 +94,9 @@ def mannequin(skeleton: Skeleton) -> Body | None:
         if children:  # of several children the middle one (spine, neck) gives the direction
             child = min(children, key=lambda c: abs(places[c, 0] - places[k, 0]))
             shape = _align(places[child] - places[k], rest[child] - rest[k], girth)
-        moved += weights[:, k : k + 1] * (rest[k] + (vertices - places[k]) @ shape.T)
-    top = np.argsort(-weights, axis=1)[:, :4]
+        own = np.flatnonzero(weights[:, k])  # a vertex follows four joints at most
+        moved[own] += weights[own, k, None] * (rest[k] + (vertices[own] - places[k]) @ shape.T)
+    top = np.argpartition(-weights, 3, axis=1)[:, :4]
     share = np.take_along_axis(weights, top, axis=1)
     share /= share.sum(1, keepdims=True)
     colors = np.broadcast_to(_WOOD, moved.shape)
