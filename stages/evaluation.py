@@ -22,7 +22,7 @@ def main(config):
             stage.input(f"models/{name}")
         settings = {k: v for k, v in stage.section.items() if k not in ("system", "systems")}
         protocol = build(Protocol, settings, "evaluation")
-        report = score_system(system, models, corpus, protocol, stage.seed)
+        report = score_system(system, models, corpus, protocol, stage.seed, config.device)
         stage.report(report, f"reports/evaluation/{system}.json")
 
 

@@ -20,12 +20,11 @@ def main(config):
     with Stage("global_motion", config, ROOT, sections=("styles",)) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
         split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
-        held = split.validation if len(split.validation) else split.train  # small corpora
         model_config, settings = stage.divide(GlobalMotionConfig)
         with seeded(stage.seed):
             model = GlobalMotion(model_config, corpus.context)
         window = stage.data["window"]
-        validation = Labeled(corpus, held, window, random=False)
+        validation = Labeled(corpus, split.validation, window, random=False)
         history = train(stage, model, Labeled(corpus, split.train, window), validation, settings)
         with stage.publish("models/global_motion") as folder:
             save_model(folder, "global_motion", model, corpus.context)

@@ -20,7 +20,6 @@ def main(config):
     with Stage("latents", config, ROOT, sections=("styles",)) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
         split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
-        held = split.validation if len(split.validation) else split.train  # small corpora
         model_config, settings = stage.divide(LatentsConfig)
         with seeded(stage.seed):
             model = Latents(model_config, corpus.context)
@@ -28,7 +27,7 @@ def main(config):
         stage.figure_path("none").parent.mkdir(exist_ok=True)  # DVC expects the folder
         if model_config.variant != "none":  # which has nothing to train
             window = stage.data["window"]
-            validation = Labeled(corpus, held, window, random=False)
+            validation = Labeled(corpus, split.validation, window, random=False)
             history = train(stage, model, Labeled(corpus, split.train, window), validation, settings)
             report["training"] = last_losses(history)
         with stage.publish("models/latents") as folder:

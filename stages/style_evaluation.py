@@ -2,13 +2,13 @@
 
 from _project import ROOT  # isort: skip
 import hydra
-import torch
 
 from motionary.corpus.store import Corpus
 from motionary.corpus.styles import style_split
 from motionary.evaluation.style_figures import draw_codes, many_styles
 from motionary.evaluation.stylization import StyleProtocol, score_stylization
 from motionary.formats.video import render_strip
+from motionary.models.io import choose_device
 from motionary.models.style_evaluator import StyleJudge
 from motionary.models.stylization import open_stylizer
 from motionary.training.settings import build
@@ -23,7 +23,7 @@ def main(config):
         corpus = Corpus.open(stage.input("data/corpus"))
         split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
         models = [stage.input(f"models/{name}") for name in ("stylization", "global_motion", "style_evaluator")]
-        device = "cuda" if torch.cuda.is_available() else "cpu"
+        device = choose_device(config.device)
         stylizer, judge = open_stylizer(models[0].parent, device), StyleJudge(models[0].parent, device)
         protocol = build(StyleProtocol, stage.section, "style_evaluation")
         settings = list(stylizer.stylizers)

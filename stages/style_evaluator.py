@@ -28,9 +28,7 @@ def main(config):
         report = {}
         if labeled:
             data = Labeled(corpus, split.labeled, **stage.data)
-            known = split.validation[corpus.style_ids[split.validation] >= 0]
-            # A small corpus may have no labeled window to validate on; the curves then show the training windows.
-            validation = Labeled(corpus, known if len(known) else split.labeled, stage.data["window"], random=False)
+            validation = Labeled(corpus, split.labeled_validation, stage.data["window"], random=False)
             report["training"] = last_losses(train(stage, model, data, validation, settings))
         else:
             stage.figure_path("none").parent.mkdir(exist_ok=True)  # DVC expects the folder

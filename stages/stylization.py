@@ -26,13 +26,10 @@ def main(config):
         split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
         values, settings = stage.model(), stage.training()
         # The thesis drops the label and nothing else: both settings see the same clips.
-        known = corpus.style_ids >= 0
-        labels = known[split.train].any()
-        rows = split.labeled if labels else split.train
-        held = split.validation[known[split.validation] | (not labels)]
-        data = Triples(corpus, rows, **stage.data)
-        # A small corpus may have no labeled window to validate on; the curves then show the training windows.
-        validation = Triples(corpus, held if len(held) else rows, stage.data["window"])
+        labeled = len(split.labeled) > 0
+        data = Triples(corpus, split.labeled if labeled else split.train, **stage.data)
+        held = split.labeled_validation if labeled else split.validation
+        validation = Triples(corpus, held, stage.data["window"])
         report = {}
         with stage.publish("models/stylization") as folder:
             for setting in trainable(values["settings"], corpus.context):

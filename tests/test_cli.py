@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shell import call
 
 from motionary import read_motion
 from motionary.arguments import build_parser
-from motionary.cli import COMMANDS, main
+from motionary.cli import COMMANDS
 from motionary.corpus.demo import demo_clip
 
 
@@ -34,16 +35,6 @@ def clip(tmp_path) -> Path:
 @pytest.fixture
 def models(pipeline) -> list[str]:
     return ["--models", str(pipeline / "models"), "--device", "cpu"]
-
-
-def call(capsys, *arguments: str) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a command in this process."""
-    try:
-        code = main(list(arguments))
-    except SystemExit as error:
-        code = int(error.code or 0)
-    out = capsys.readouterr()
-    return code, out.out, out.err
 
 
 def test_prompts_from_standard_input_become_files(tmp_path, models):

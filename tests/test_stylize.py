@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shell import call
 from tiny import add_stylizers
 
 import motionary
 from motionary import read_motion
-from motionary.cli import main
 from motionary.corpus.demo import demo_clip
 from motionary.errors import InputError
 from motionary.motion import Motion, Skeleton, resample
@@ -130,15 +130,6 @@ def test_without_labels_the_prior_and_references_still_serve(models, walk, tmp_p
     shutil.rmtree(tmp_path / "models/global_motion")
     with pytest.raises(InputError, match="dvc repro global_motion"):
         motionary.load(tmp_path / "models", "cpu").stylize(walk)
-
-
-def call(capsys, *arguments: str) -> tuple[int, str, str]:
-    try:
-        code = main(list(arguments))
-    except SystemExit as error:
-        code = int(error.code or 0)
-    out = capsys.readouterr()
-    return code, out.out, out.err
 
 
 def test_files_in_files_out(models, walk, tmp_path, capsys):

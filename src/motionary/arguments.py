@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
+        """One line and exit code 2."""
         self.exit(2, f"error: {message}; see `{self.prog} --help`\n")
 
 

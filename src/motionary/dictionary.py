@@ -267,11 +267,9 @@ class Dictionary:
 
     def _on(self) -> str:
         """The device to run on."""
-        if self._device != "auto":
-            return self._device
-        import torch
+        from motionary.models.io import choose_device
 
-        return "cuda" if torch.cuda.is_available() else "cpu"
+        return choose_device(self._device)
 
     def _judge(self) -> Any:
         from motionary.models.judge import Judge

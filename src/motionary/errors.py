@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import Any
+
 _LONGEST = 120
 
 
@@ -26,3 +29,18 @@ class InputError(ValueError):
     def __reduce__(self):
         # Exceptions cross process borders (parallel preprocessing); rebuild from the three parts.
         return type(self), (self.what, str(self.value), self.rule)
+
+
+def check_values(section: str, config: object, names: Iterable[str], holds: Callable[[Any], bool], rule: str) -> None:
+    """InputError for the first attribute of `config`, of those named, that breaks a rule.
+
+    Args:
+        section: the configuration's name, which stands before the key in the message.
+        config: holds the values as attributes.
+        names: of the values to check.
+        holds: whether a value is right.
+        rule: the same in words.
+    """
+    for name in names:
+        if not holds(value := getattr(config, name)):
+            raise InputError(f"{section}.{name}", value, rule)

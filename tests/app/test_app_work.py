@@ -124,14 +124,14 @@ def test_a_port_in_use_and_missing_models_are_one_line(pipeline, tmp_path):
         with pytest.raises(InputError, match=r"--port|--host"):
             server.check_port(host, port)
     with pytest.raises(InputError, match=r"dvc repro"):
-        server.App(tmp_path / "nothing")
+        server.App(tmp_path / "nothing", "cpu", "127.0.0.1", 0)
 
 
 def test_it_listens_here_alone_unless_told_otherwise():
     from motionary.arguments import build_parser
     from motionary.cli import COMMANDS
 
-    assert build_parser(COMMANDS).parse_args(["app"]).host == server.HOST == "127.0.0.1"
+    assert build_parser(COMMANDS).parse_args(["app"]).host == "127.0.0.1"
 
 
 class Scene:

@@ -1,4 +1,4 @@
-"""Scores of generators whose outcome is known: what real lengths change, and who is asked for them."""
+"""Scores of generators and codecs whose outcome is known: what real lengths change, and what a codec loses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import pytest
 
 from motionary.corpus.store import Corpus
 from motionary.evaluation.generation import score_generator
-from motionary.evaluation.items import Items
+from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.oracle import confirmed
+from motionary.evaluation.reconstruction import score_reconstructor
 from motionary.evaluation.scores import Protocol
 
 PROTOCOL = Protocol(
@@ -83,3 +85,24 @@ def test_every_repetition_of_the_generation_is_repeated_at_the_real_lengths(item
     generator = Still(items.corpus.context.dim)
     scored(generator, items, generation_repetitions=3)
     assert sum(len(frames) for frames in generator.asked if frames is not None) == 3 * len(items)
+
+
+class Codec:
+    """Gives motions back, or, where it has `lost` everything, bodies that keep their first pose."""
+
+    def __init__(self, lost: bool):
+        self.lost = lost
+
+    def reconstruct(self, features):
+        return [np.repeat(f[:1], len(f), axis=0) if self.lost else np.array(f) for f in features]
+
+
+def test_the_oracle_confirms_what_a_codec_keeps(items):
+    kept, lost = (score_reconstructor(Codec(lost), items, ByLength(), PROTOCOL) for lost in (False, True))
+    captions = items.choose(0)
+    sentences = [sentence_of(items.corpus, c) for c in captions]
+    real = confirmed(items, sentences, items.features, items.parts(captions))
+    assert kept["reconstruction_oracle"] == real
+    assert kept["reconstruction"] == kept["real"]
+    assert lost["reconstruction_oracle"]["all"]["checked"] == real["all"]["checked"]
+    assert lost["reconstruction_oracle"]["all"]["confirmed"] < real["all"]["confirmed"]

@@ -168,9 +168,12 @@ def test_captioners_are_compared_with_real_captions(reports):
 
 def test_reconstructed_motions_stand_among_the_generated(reports):
     decoded = {"evaluator": "abc123", "reconstruction": judged(0.2), "real": judged(0.1)}
+    decoded["reconstruction_oracle"] = {"all": {"confirmed": 0.75, "checked": 8}}
     (reports / "evaluation" / "codec.json").write_text(json.dumps(decoded))
     table = tables.text_to_motion(Results.read(reports))
     assert [row[0] for row in table.rows] == ["real motions", "real, through codec", "alpha", "beta"]
+    row = dict(zip(table.columns, table.rows[1], strict=True))
+    assert (row["Multimodality"], row["Oracle: captions"], row["Oracle: prompts"]) == ("-", "75.0%", "-")
     assert tables.reconstruction(Results.read(reports)).rows[0][:6] == [
         "tokenizer", "all", "9", "31.2", "40.0", "200.0",
     ]  # fmt: skip

@@ -63,11 +63,13 @@ class _Limbs:
         )  # fmt: skip
 
     def pose(self, frame: int) -> None:
+        """Moves to a frame."""
         self.tubes.batched_positions = self.middles[frame]
         self.tubes.batched_wxyzs = self.turns[frame]
         self.balls.batched_positions = self.tips[frame]
 
     def remove(self) -> None:
+        """Takes it out of the scene."""
         self.tubes.remove()
         self.balls.remove()
 
@@ -98,10 +100,12 @@ class _Mannequin:
         self.pose(0)
 
     def pose(self, frame: int) -> None:
+        """Moves to a frame."""
         for bone, position, rotation in zip(self.mesh.bones, self.positions[frame], self.rotations[frame], strict=True):
             bone.position, bone.wxyz = position, rotation
 
     def remove(self) -> None:
+        """Takes it out of the scene."""
         self.mesh.remove()
 
 

@@ -66,6 +66,7 @@ class Panel:
         button = gui.add_button("Generate")
 
         def work() -> None:
+            """Generates and shows."""
             text, length = prompt.value, float(seconds.value) or None
             motions = self.dictionary.generate(text, int(count.value), length, system.value, int(seed.value))
             words = self.dictionary.read_as(text)
@@ -81,6 +82,7 @@ class Panel:
         said = gui.add_markdown("")
 
         def work() -> None:
+            """Reads the upload, shows it and lists its captions."""
             file = upload.value
             self._loaded = motion = self.workers.in_process(read_upload, file.name, file.content)
             self._show([motion], [file.name], [""], f"{_plain(file.name)}: {motion.duration:.1f} s")
@@ -103,15 +105,18 @@ class Panel:
             button = gui.add_button("Stylize")
 
         def labels() -> None:
+            """Offers the known styles, once the models are open."""
             style.options = (_CHANCE, _REFERENCE, *self.dictionary.styles)
 
         def read_reference() -> None:
+            """Keeps the uploaded motion as the reference."""
             file = reference.value
             self._reference = self.workers.in_process(read_upload, file.name, file.content)
             style.value = _REFERENCE
             self._say(f"Reference: {_plain(file.name)}")
 
         def work() -> None:
+            """Stylizes what was read, or else what is shown first, and shows both."""
             content = self._loaded or next((item.motion for item in self.player.items), None)
             if content is None:
                 raise InputError("motion", "none", "upload or generate one first")
@@ -139,6 +144,7 @@ class Panel:
         listed = gui.add_markdown("")
 
         def work() -> None:
+            """Searches, shows and lists."""
             matches = self.dictionary.search(query.value, int(count.value))
             names = [match.captions[0] if match.captions else match.id for match in matches]
             titles = [f"{k + 1}. {name}" for k, name in enumerate(names)]
@@ -160,6 +166,7 @@ class Panel:
             camera = gui.add_button("Reset the camera")
 
         def seek(event: Any) -> None:
+            """Stops where the visitor puts the scrubber."""
             if event.client is not None:  # moved by the visitor, not by the clock
                 playing.value = self.player.playing = False
                 self.player.seek(float(self._clock.value))
@@ -179,6 +186,7 @@ class Panel:
             return
 
         def run() -> None:
+            """The job, then readiness for the next."""
             try:
                 self._guarded(job)
             finally:
@@ -232,6 +240,7 @@ class Panel:
         self._rows += [label, buttons]
 
         def work() -> None:
+            """Writes the file and hands it to the browser."""
             extension = f".{buttons.value}"
             content = self.workers.in_process(file_bytes, motion, extension, caption)
             self.client.send_file_download(_file_name(title) + extension, content, save_immediately=True)

@@ -19,8 +19,6 @@ from motionary.app.work import MOST_BYTES, Workers
 from motionary.dictionary import Dictionary, load
 from motionary.errors import InputError
 
-HOST, PORT = "127.0.0.1", 8080
-
 
 class _Server(viser.ViserServer):
     def request_share_url(self, verbose: bool = True) -> str | None:
@@ -35,20 +33,20 @@ class App:
         url: where it is.
     """
 
-    def __init__(self, models: str | Path = "models", device: str = "auto", host: str = HOST, port: int = PORT):
+    def __init__(self, models: str | Path, device: str, host: str, port: int):
         """
         Args:
             models, device: see `motionary.load`.
-            host: the address to listen on; the default is reached from this machine alone.
+            host: the address to listen on; 127.0.0.1 is reached from this machine alone.
             port: 0 takes any that is free.
 
         Raises:
             InputError: no models, or an address that cannot be had: what, value, rule.
         """
         self.dictionary = load(models, device)
+        check_port(host, port)
         self.workers = Workers()
         self._panels: dict[int, Panel] = {}
-        check_port(host, port)
         self.server = _Server(host=host, port=port, label="motionary", verbose=False)
         if port and self.server.get_port() != port:  # viser takes the next one where another program was faster
             self.close()
@@ -67,8 +65,7 @@ class App:
         for panel in list(self._panels.values()):
             panel.close()
         self.workers.close()
-        if hasattr(self, "server"):
-            self.server.stop()
+        self.server.stop()
 
     def _welcome(self, client: viser.ClientHandle) -> None:
         limit_uploads(client)
@@ -136,6 +133,7 @@ def limit_uploads(client: viser.ClientHandle) -> None:
     pending: dict[str, Any] = client.gui._current_file_upload_states
 
     def drop(message: Any, size: int) -> None:
+        """Forgets an upload of too many bytes, and says so."""
         if size <= MOST_BYTES or pending.pop(message.transfer_uuid, None) is None:
             return
         # The button waits until it hears that everything has arrived.
@@ -147,9 +145,11 @@ def limit_uploads(client: viser.ClientHandle) -> None:
         client.add_notification("The file was not taken", rule, color="red", auto_close_seconds=10)
 
     def started(_: int, message: messages.FileTransferStartUpload) -> None:
+        """An upload says how large it is."""
         drop(message, message.size_bytes)
 
     def continued(_: int, message: messages.FileTransferPart) -> None:
+        """A part of an upload has come."""
         state = pending.get(message.transfer_uuid)
         if state is not None:
             drop(message, state["transferred_bytes"])

@@ -91,6 +91,7 @@ class Workers:
             self._waiting += 1
 
         def run() -> None:
+            """The job, then room for another."""
             try:
                 job()
             finally:

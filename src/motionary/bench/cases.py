@@ -59,6 +59,7 @@ def _tokenizer(shapes: Shapes) -> Work:
     before = matmul_rate(shapes.matmul)
 
     def note(seconds: float) -> str:
+        """The share of the matrix-multiply rate."""
         peak = max(before, matmul_rate(shapes.matmul))  # both sides of the work: a shared machine's rate wanders
         share = flops / seconds / peak
         return f"{flops / 1e9:.0f} GFLOP at {flops / seconds / 1e9:.1f} GFLOP/s, {share:.0%} of the matmul rate"
@@ -91,6 +92,7 @@ class _Endless:
         self.decoder, self.end, self.reorder = decoder, end, decoder.reorder
 
     def step(self, state: Any, tokens: torch.Tensor) -> tuple[torch.Tensor, Any]:
+        """The next scores without an end, so that every sentence has its full length."""
         logits, state = self.decoder.step(state, tokens)
         return logits.index_fill(1, torch.tensor([self.end]), -torch.inf), state
 
@@ -105,6 +107,7 @@ def _captions(shapes: Shapes) -> Work:
 
     @torch.no_grad()
     def run() -> None:
+        """Encodes the motions and searches for their captions."""
         assert batch.tokens is not None
         assert batch.token_count is not None
         ids, mask = model.token_source(batch.tokens, batch.token_count)
@@ -182,6 +185,7 @@ def _metrics(shapes: Shapes) -> Work:
     text, motion, real = rng.normal(size=(3, shapes.items, shapes.embedding)).astype(np.float32)
 
     def note(seconds: float) -> str:
+        """R-precision, timed apart."""
         retrieval, _ = least_time(lambda: r_precision(text, motion))
         return f"R-precision {clock(retrieval)} (reference {clock(0.0185)}), the rest is FID (reference {clock(0.444)})"
 
@@ -190,6 +194,7 @@ def _metrics(shapes: Shapes) -> Work:
 
 def _write(extension: str) -> Callable[[Shapes], Work]:
     def prepare(shapes: Shapes) -> Work:
+        """A made motion and a file to write it to, written once."""
         from motionary.formats import write_motion
 
         folder = tempfile.TemporaryDirectory()  # it goes with the closure

@@ -63,6 +63,7 @@ def convolution_flops(model: nn.Module, forward: Callable[[], object]) -> int:
     total = 0
 
     def count(layer: nn.Module, inputs: tuple[Tensor, ...], output: Tensor) -> None:
+        """Adds the operations of one convolution."""
         nonlocal total
         assert isinstance(layer, nn.Conv1d)
         once = 2 * output.numel() * (layer.in_channels // layer.groups) * layer.kernel_size[0]

@@ -25,6 +25,7 @@ def _stylizer(shapes: Shapes):
 
 
 def stylization(shapes: Shapes) -> Work:
+    """A training step on a batch of triples."""
     model = _stylizer(shapes)
     batch = make_batch(3 * shapes.sequences, shapes.style_window)  # triples
     batch.style = torch.arange(len(batch)) % len(STYLES)
@@ -35,6 +36,7 @@ def stylize(motions: int | None = None) -> Callable[[Shapes], Work]:
     """Label-based, from features to features, with global motion prediction; None is a training batch of motions."""
 
     def prepare(shapes: Shapes) -> Work:
+        """The stylizer, its contents and their labels."""
         from motionary.models.global_motion import GlobalMotion, GlobalMotionConfig
         from motionary.models.style_transfer import StyleTransfer
 

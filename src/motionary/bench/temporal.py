@@ -10,6 +10,7 @@ from motionary.bench.work import Work, noise, training_step
 
 
 def text2length(shapes: Shapes) -> Work:
+    """A training step of text2length."""
     from motionary.models.text2length import Text2Length, Text2LengthConfig
 
     config = Text2LengthConfig(word_dim=shapes.word_dim, text_width=shapes.text_width)
@@ -32,12 +33,14 @@ def _temporal_model(shapes: Shapes):
 
 
 def text2motion(shapes: Shapes) -> Work:
+    """A training step of the temporal VAE, unrolled over all codes."""
     model = _temporal_model(shapes)
     batch = make_batch(shapes.sequences, 4 * shapes.snippets, shapes.words, vocabulary=shapes.vocabulary)
     return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
 def prompts(shapes: Shapes) -> Work:
+    """Sentences to motions of a known length, in one batch."""
     from motionary.models.motion_generator import Generator
     from motionary.models.text2length import Lengths, Text2Length, Text2LengthConfig
 

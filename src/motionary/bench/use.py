@@ -30,6 +30,7 @@ def shell(shapes: Shapes) -> Work:
     command += ["--seconds", f"{shapes.tokens * 0.2:g}", "--out", str(root / "out")]
 
     def run() -> None:
+        """The command, as a shell starts it."""
         subprocess.run(command, check=True, capture_output=True)
         assert len(list((root / "out").iterdir())) == len(prompts), folder.name
 
@@ -45,6 +46,7 @@ def page(shapes: Shapes) -> Work:
     waits: list[float] = []
 
     def run() -> None:
+        """Starts the page, loads it once and stops it."""
         begun = time.monotonic()
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None, folder.name
@@ -69,6 +71,7 @@ def first_frame(shapes: Shapes) -> Work:
     dictionary.generate(prompts[0], system="text2token", seconds=1.0)
 
     def run() -> None:
+        """A motion and its figure."""
         (motion,) = dictionary.generate(prompts[1], system="text2token", seconds=shapes.tokens * 0.2)
         figure = make_figure(_Scene(), folder.name, motion, np.zeros(3), "skeleton")
         figure.pose(1)
@@ -80,6 +83,7 @@ class _Scene:
     """Takes what would be sent to a browser."""
 
     def add_batched_meshes_simple(self, *given: Any, **more: Any) -> Any:
+        """A node without effect."""
         return type("Node", (), {})()
 
 

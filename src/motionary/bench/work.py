@@ -37,6 +37,7 @@ def training_step(model: torch.nn.Module, loss: Callable[[], torch.Tensor], clip
     model.train()
 
     def run() -> None:
+        """One step."""
         loss().backward()
         if clip:
             torch.nn.utils.clip_grad_norm_(parameters, clip)
@@ -47,6 +48,7 @@ def training_step(model: torch.nn.Module, loss: Callable[[], torch.Tensor], clip
 
 
 def noise() -> torch.Generator:
+    """A generator of random numbers, the same every time."""
     return torch.Generator().manual_seed(0)
 
 

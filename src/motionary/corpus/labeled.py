@@ -40,11 +40,14 @@ class Labeled:
 
     def collate(self, indices: np.ndarray, rng: np.random.Generator) -> Batch:
         """Batch of the given entries: clip, motion (B, T, D), frames, style, action."""
-        rows, count = self.rows[indices], self.lengths[indices]
+        return self._stretches(indices, rng)
+
+    def _stretches(self, entries: np.ndarray, rng: np.random.Generator) -> Batch:
+        rows, count = self.rows[entries], self.lengths[entries]
         spare = self.corpus.clips.length[rows] - count
         start = rng.integers(0, spare + 1) if self.random else spare // 2
         motion = gather(self.corpus.frames, self.corpus.clips.offset[rows] + start, count, int(count.max()))
-        labels = {"style": torch.from_numpy(self.style[indices]), "action": torch.from_numpy(self.action[indices])}
+        labels = {"style": torch.from_numpy(self.style[entries]), "action": torch.from_numpy(self.action[entries])}
         return Batch(torch.from_numpy(rows), torch.from_numpy(motion), torch.from_numpy(count), **labels)
 
 

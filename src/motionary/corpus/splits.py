@@ -45,6 +45,7 @@ def _by_clip(clips: Sequence[Clip], ratios: Sequence[float], seed: int) -> dict[
     """Systematic sampling along the strata: each stratum gets its share, rounded across its neighbours."""
 
     def stratum(clip: Clip) -> tuple:
+        """What clips are sorted by before every so-manieth is taken."""
         sources = sorted({caption.source for caption in clip.captions})
         return clip.group, sources, _hash(seed, f"{clip.style}/{clip.action}"), _hash(seed, clip.origin)
 

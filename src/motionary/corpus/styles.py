@@ -24,7 +24,9 @@ class StyleSplit:
         cells: held-out (style id, action id) pairs.
         train: rows that anything may train on: of split "train", in no held-out cell and no copy of what is in one.
         labeled: those of `train` with a style label.
-        validation: rows of split "val" in no held-out cell.
+        validation: rows of split "val" in no held-out cell; `train` where there is none, as in small corpora, whose
+            curves then show the training windows.
+        labeled_validation: those with a style label; `labeled` where there is none.
         test: unmirrored rows of the held-out cells, of any split of the corpus: nothing is trained on them.
         references: unmirrored rows of split "test" of the scored styles, in no held-out cell: motions that nothing is
             trained on and that show a style as training does, clip by clip like the thesis's test set.
@@ -38,6 +40,7 @@ class StyleSplit:
     train: np.ndarray
     labeled: np.ndarray
     validation: np.ndarray
+    labeled_validation: np.ndarray
     test: np.ndarray
     references: np.ndarray
     unseen: np.ndarray
@@ -75,15 +78,17 @@ def style_split(corpus: Corpus, held_out: float = 0.2, scored_clips: int = 100, 
     test = inside & ~clips.mirrored
     # The mirrored copy of a held-out wave with the left hand is one with the right: its cell may train, but not it.
     inside |= np.isin(clips.origin, clips.origin[test])
-    train = (clips.split == "train") & ~inside
+    train, validation = ((clips.split == name) & ~inside for name in ("train", "val"))
+    labeled_train, labeled_validation = train & (styles >= 0), validation & (styles >= 0)
     return StyleSplit(
         styles=corpus.context.styles,
         actions=corpus.context.actions,
         scored=scored,
         cells=cells,
         train=np.flatnonzero(train),
-        labeled=np.flatnonzero(train & (styles >= 0)),
-        validation=np.flatnonzero((clips.split == "val") & ~inside),
+        labeled=np.flatnonzero(labeled_train),
+        validation=np.flatnonzero(validation if validation.any() else train),
+        labeled_validation=np.flatnonzero(labeled_validation if labeled_validation.any() else labeled_train),
         test=np.flatnonzero(test),
         references=np.flatnonzero((clips.split == "test") & ~inside & np.isin(styles, scored) & ~clips.mirrored),
         unseen=np.flatnonzero((clips.split == "test") & (styles < 0) & ~clips.mirrored),

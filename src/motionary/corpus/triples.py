@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 
 from motionary.corpus.batch import Batch
-from motionary.corpus.datasets import gather
 from motionary.corpus.labeled import Labeled
 
 
@@ -20,9 +18,4 @@ class Triples(Labeled):
     def collate(self, indices: np.ndarray, rng: np.random.Generator) -> Batch:
         """Batch of 3 B items: clip, motion (3 B, T, D), frames, style, action."""
         others = rng.choice(len(self.rows), len(indices), p=self.weights)
-        entries = np.concatenate([indices, indices, others])
-        rows, count = self.rows[entries], self.lengths[entries]
-        start = rng.integers(0, self.corpus.clips.length[rows] - count + 1)
-        motion = gather(self.corpus.frames, self.corpus.clips.offset[rows] + start, count, int(count.max()))
-        labels = {"style": torch.from_numpy(self.style[entries]), "action": torch.from_numpy(self.action[entries])}
-        return Batch(torch.from_numpy(rows), torch.from_numpy(motion), torch.from_numpy(count), **labels)
+        return self._stretches(np.concatenate([indices, indices, others]), rng)

@@ -107,6 +107,7 @@ def without_bind_pose(motion: Motion) -> Motion:
     first = min(int(calm[0]) if len(calm) else 1, max(1, round(0.1 * motion.fps)))
 
     def held(values: np.ndarray) -> np.ndarray:
+        """With the first calm frame in the place of those before it."""
         return np.concatenate([np.repeat(values[first : first + 1], first, axis=0), values[first:]])
 
     rotations = None if motion.rotations is None else held(motion.rotations)

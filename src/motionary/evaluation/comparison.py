@@ -23,7 +23,6 @@ _HELD = ("Real lengths R@3", "Real lengths FID")
 _GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_HELD, "Oracle", "Caption NLL")
 _CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3")
 _CODES = ("Local MPJPE (mm)", "Codes used")
-STYLED = HELD_OUT  # the contents by which ablations of stylization are compared
 _STYLED = tuple(
     f"{way}: {heading}"
     for way in ("label-based (S)", "motion-based (S)", "motion-based (U)", "prior-based (U)")
@@ -58,7 +57,7 @@ def measured(folder: Path, system: str) -> dict[str, float]:
     for part in at(scored, "language") or {}:
         values[_named("BLEU-4", part)] = at(scored, "language", part, "bleu4")
         values[_named("BLEU-4 raw", part)] = at(scored, "language", part, "raw", "bleu4")
-    for row, found in (at(own, "stylization", STYLED, "rows") or {}).items():
+    for row, found in (at(own, "stylization", HELD_OUT, "rows") or {}).items():
         for heading, key in SCORED:
             values[f"{row}: {heading}"] = at(found, key, "mean")
     values["Named action"] = at(scored, "action", "all", "named")
@@ -114,6 +113,7 @@ def study_tables(study: Study, runs: Runs, found: Sequence[Mapping[str, Any]]) -
     note = "Mean over seeds (or splits) with its 95% interval by Student's t, where there are several."
 
     def with_parts(names: Sequence[str], *of: str) -> list[str]:
+        """The names, and some metrics again for each part."""
         return [*names, *(f"{metric}, {part}" for metric in of for part in parts)]
 
     tables = [

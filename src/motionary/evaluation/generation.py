@@ -9,18 +9,15 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from motionary.corpus.store import Corpus
 from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.oracle import confirmed
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
 from motionary.metrics.distribution import multimodality
-from motionary.metrics.oracle.fitting import fit_thresholds
-from motionary.metrics.oracle.prompts import PROMPTS, confirm, holds
+from motionary.metrics.oracle.prompts import PROMPTS, holds
 from motionary.metrics.oracle.reading import read
-from motionary.metrics.oracle.thresholds import Thresholds
 from motionary.metrics.physics import foot_skating, jitter
 from motionary.models.judge import Judge
-from motionary.motion import Motion
 
 
 def score_generator(
@@ -43,18 +40,18 @@ def score_generator(
         lengths also "real_lengths": rows, physics and captions confirmed for motions as long as the real ones ("Ours
         w/ real length" of the thesis's Table 4.2).
     """
-    real, thresholds = judge.motions(items.features), fitted_oracle(items.corpus)
+    real = judge.motions(items.features)
     draws = [_Draw.make(generator, items, judge, protocol, seed, number) for number in _numbers(protocol)]
     first = draws[0]
     report: dict[str, Any] = {
-        **_scores(draws, items, real, protocol, thresholds),
+        **_scores(draws, items, real, protocol),
         "real": judged_parts([(d.text, real, d.parts) for d in draws], real, protocol),
         "multimodality": _multimodality(generator, items, judge, protocol, seed),
     }
     report["physics"]["real"] = _physics(items, items.features)
     report["oracle"] |= {
-        "captions_real": confirmed(items, first.sentences, items.features, first.parts, thresholds),
-        "prompts": _prompts(generator, items, protocol, seed, thresholds),
+        "captions_real": confirmed(items, first.sentences, items.features, first.parts),
+        "prompts": _prompts(generator, items, protocol, seed),
     }
     if nearest is not None:
         report["nearest_training"] = {
@@ -64,7 +61,7 @@ def score_generator(
     if protocol.real_lengths and getattr(generator, "takes_lengths", False):
         frames = [len(features) for features in items.features]
         held = [_Draw.make(generator, items, judge, protocol, seed, number, frames) for number in _numbers(protocol)]
-        report["real_lengths"] = _scores(held, items, real, protocol, thresholds)
+        report["real_lengths"] = _scores(held, items, real, protocol)
     return report
 
 
@@ -83,6 +80,7 @@ class _Draw:
         cls, generator, items: Items, judge: Judge, protocol: Protocol, seed: int, number: int,
         frames: Sequence[int] | None = None,
     ) -> _Draw:  # fmt: skip
+        """Generates for repetition `number`; `frames` are lengths to hold, one an item."""
         captions = items.choose(number)
         sentences = [sentence_of(items.corpus, c) for c in captions]
         label = f"generate {number + 1}{'' if frames is None else ', real lengths'}"
@@ -94,15 +92,13 @@ def _numbers(protocol: Protocol) -> range:
     return range(protocol.generation_repetitions)
 
 
-def _scores(
-    draws: Sequence[_Draw], items: Items, real: np.ndarray, protocol: Protocol, thresholds: Thresholds
-) -> dict[str, Any]:
+def _scores(draws: Sequence[_Draw], items: Items, real: np.ndarray, protocol: Protocol) -> dict[str, Any]:
     """What is measured of generations whatever decided their lengths; physics and the oracle read the first."""
     first = draws[0]
     return {
         "text2motion": judged_parts([(d.text, d.motion, d.parts) for d in draws], real, protocol),
         "physics": {"generated": _physics(items, first.generated)},
-        "oracle": {"captions": confirmed(items, first.sentences, first.generated, first.parts, thresholds)},
+        "oracle": {"captions": confirmed(items, first.sentences, first.generated, first.parts)},
     }
 
 
@@ -120,14 +116,8 @@ def _generate(
     return out
 
 
-def _motions(items: Items, features: Sequence[np.ndarray]) -> list[Motion]:
-    context = items.corpus.context
-    codec = context.make_codec()
-    return [codec.decode(f, fps=context.fps) for f in features]
-
-
 def _physics(items: Items, features: Sequence[np.ndarray]) -> dict[str, float]:
-    motions = _motions(items, features)
+    motions = items.motions(features)
     return {
         "foot_skating": round(float(np.mean([foot_skating(m) for m in motions])), 5),
         "jitter": round(float(np.mean([jitter(m) for m in motions])), 4),
@@ -135,36 +125,12 @@ def _physics(items: Items, features: Sequence[np.ndarray]) -> dict[str, float]:
     }
 
 
-def fitted_oracle(corpus: Corpus, most: int = 800) -> Thresholds:
-    """The oracle's cuts, fixed on (at most `most`) unmirrored training windows and one caption of each."""
-    rows = corpus.rows("train", captioned=True)
-    rows = rows[~corpus.clips.mirrored[rows]]
-    rows = np.sort(np.random.default_rng(0).permutation(rows)[:most])
-    captions = [str(corpus.captions.text[corpus.caption_start[row]]) for row in rows]
-    return fit_thresholds([corpus.motion(row) for row in rows], captions)
-
-
-def confirmed(
-    items: Items, sentences: Sequence[Sentence], features: Sequence[np.ndarray], parts, thresholds: Thresholds
-) -> dict[str, Any]:
-    """Share of motions that the oracle confirms, of the captions that claim something it can read."""
-    verdicts = [confirm(m, s.text, thresholds) for m, s in zip(_motions(items, features), sentences, strict=True)]
-    known = np.array([v is not None for v in verdicts])
-    right = np.array([bool(v) for v in verdicts])
-    out = {}
-    for name, where in parts.items():
-        checked = where[known[where]]
-        if len(checked):
-            out[name] = {"confirmed": round(float(right[checked].mean()), 4), "checked": len(checked)}
-    return out
-
-
-def _prompts(generator, items: Items, protocol: Protocol, seed: int, thresholds: Thresholds) -> dict[str, Any]:
+def _prompts(generator, items: Items, protocol: Protocol, seed: int) -> dict[str, Any]:
     """The oracle's own prompts about side, direction and speed, several motions each."""
     prompts = [prompt for prompt in PROMPTS for _ in range(protocol.prompt_samples)]
     generated = _generate(generator, annotate([p.text for p in prompts]), seed + 17, protocol, "prompts")
-    motions = _motions(items, generated)
-    verdicts = [holds(read(m, thresholds), p.claims) for m, p in zip(motions, prompts, strict=True)]
+    motions = items.motions(generated)
+    verdicts = [holds(read(m, items.thresholds), p.claims) for m, p in zip(motions, prompts, strict=True)]
     each = np.reshape(verdicts, (-1, protocol.prompt_samples)).mean(1)
     by_prompt = {prompt.text: round(float(share), 3) for prompt, share in zip(PROMPTS, each, strict=True)}
     return {"confirmed": round(float(each.mean()), 4), "samples": len(prompts), "each": by_prompt}

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
 
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
+from motionary.evaluation.oracle import fitted_oracle
 from motionary.language import Sentence
+from motionary.metrics.oracle.thresholds import Thresholds
+from motionary.motion import Motion
 
 
 class Items:
@@ -30,6 +36,16 @@ class Items:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @cached_property
+    def thresholds(self) -> Thresholds:
+        """The oracle's cuts for this corpus."""
+        return fitted_oracle(self.corpus)
+
+    def motions(self, features: Sequence[np.ndarray]) -> list[Motion]:
+        """Raw features (T, D) as motions of the corpus's skeleton and rate."""
+        codec, fps = self.corpus.context.make_codec(), self.corpus.context.fps
+        return [codec.decode(f, fps=fps) for f in features]
 
     def choose(self, draw: int) -> np.ndarray:
         """(N,) one caption row for each item, drawn by number `draw`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.oracle import confirmed
 from motionary.evaluation.positions import position_report, unmirrored
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.models.judge import Judge
@@ -24,12 +25,13 @@ def score_reconstructor(reconstructor: Any, items: Items, judge: Judge, protocol
     decoded = reconstructor.reconstruct([corpus.features(i) for i in rows])
     place = {row: i for i, row in enumerate(rows)}
     captions = items.choose(0)
-    text = judge.sentences([sentence_of(corpus, c) for c in captions])
-    motion = judge.motions([decoded[place[row]] for row in items.rows])
+    sentences, of_items = [sentence_of(corpus, c) for c in captions], [decoded[place[row]] for row in items.rows]
+    text, motion = judge.sentences(sentences), judge.motions(of_items)
     real = judge.motions(items.features)
     parts = items.parts(captions)
     return {
         "positions": position_report(corpus, rows, decoded),
         "reconstruction": judged_parts([(text, motion, parts)], real, protocol),
+        "reconstruction_oracle": confirmed(items, sentences, of_items, parts),
         "real": judged_parts([(text, real, parts)], real, protocol),
     }

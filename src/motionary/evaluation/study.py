@@ -44,6 +44,7 @@ def needed_reports(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[
     order: list[str] = []
 
     def visit(name: str) -> None:
+        """Puts what a stage needs before it."""
         for path in _paths(stages[name], "deps"):
             if path in writer:
                 visit(writer[path])

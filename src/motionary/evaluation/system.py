@@ -6,8 +6,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.evaluation.captioning import score_captioner
@@ -16,7 +14,7 @@ from motionary.evaluation.items import Items
 from motionary.evaluation.positions import Reconstructor
 from motionary.evaluation.reconstruction import score_reconstructor
 from motionary.evaluation.scores import Protocol
-from motionary.models.io import load_model
+from motionary.models.io import choose_device, load_model
 from motionary.models.judge import Judge
 from motionary.models.retrieval import Index
 
@@ -29,7 +27,7 @@ def score_system(
     A system's module offers ``open_generator(models, device)`` (text to motion), ``open_captioner(models, device)``
     (motion to text), or a ``MODEL`` with ``encode`` and ``decode``; each that is there is scored.
     """
-    device = ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+    device = choose_device(device)
     try:
         module = import_module(f"motionary.models.{name}")
     except ModuleNotFoundError as error:

@@ -102,6 +102,7 @@ def _animation(local: Locals, fps: float, nodes: list[dict[str, Any]], pack: _Pa
     time = pack.add((np.arange(frames) / fps).astype(np.float32), bounds=True)
 
     def channel(joint: int, path: str, values: np.ndarray) -> None:
+        """Adds one animated property of a joint."""
         channels.append({"sampler": len(samplers), "target": {"node": joint, "path": path}})
         samplers.append({"input": time, "output": pack.add(values.astype(np.float32)), "interpolation": "LINEAR"})
 

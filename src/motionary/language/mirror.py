@@ -54,6 +54,7 @@ def mirror_text(text: str) -> str:
     kept += [match.span() for match in _AT_ONCE.finditer(text) if _is_idiom(match)]
 
     def swap_side(match: re.Match[str]) -> str:
+        """The other side, unless the word belongs to an idiom."""
         if any(start <= match.start() < end for start, end in kept):
             return match[0]
         return _with_case("right" if match[1].lower() == "left" else "left", match[1])

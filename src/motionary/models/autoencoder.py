@@ -42,7 +42,7 @@ class AutoencoderConfig:
 
 
 class SnippetEncoder(nn.Module):
-    """E of Eq. 4.1. forward(raw (B, T, D), frames (B,) | None) -> codes (B, T/4, code_dim), zero beyond the frames."""
+    """E of Eq. 4.1."""
 
     def __init__(self, config: AutoencoderConfig, mean: Any, std: Any):
         super().__init__()
@@ -53,6 +53,7 @@ class SnippetEncoder(nn.Module):
         self.output = nn.Linear(config.code_dim, config.code_dim)
 
     def forward(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
+        """raw (B, T, D), frames (B,) | None -> codes (B, T/4, code_dim), zero beyond the frames."""
         x, mask = prepare(self.normalizer(raw), frames)
         x = x[:, : x.shape[1] - self.hidden]
         half = coarser(mask)
@@ -62,7 +63,7 @@ class SnippetEncoder(nn.Module):
 
 
 class SnippetDecoder(nn.Module):
-    """D of Eq. 4.1. forward(codes (B, S, code_dim), count (B,) | None) -> normalized features (B, 4S, D)."""
+    """D of Eq. 4.1."""
 
     def __init__(self, config: AutoencoderConfig, features: int):
         super().__init__()
@@ -71,6 +72,7 @@ class SnippetDecoder(nn.Module):
         self.output = nn.Linear(features, features)
 
     def forward(self, codes: Tensor, count: Tensor | None = None) -> Tensor:
+        """codes (B, S, code_dim), count (B,) | None -> normalized features (B, 4S, D)."""
         x = codes.transpose(1, 2)
         quarter = step_mask(count, x)
         half = finer(quarter)

@@ -45,6 +45,7 @@ class ResBlock(nn.Module):
         self.second = nn.Conv1d(width, width, 3, padding=1)
 
     def forward(self, x: Tensor, mask: Tensor | None = None) -> Tensor:
+        """(B, C, T) -> (B, C, T), zero where the mask is."""
         hidden = keep(F.leaky_relu(self.first(x), SLOPE), mask)
         return x + keep(self.second(hidden), mask)
 

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from motionary.errors import InputError
+from motionary.errors import InputError, check_values
 from motionary.models.autoencoder import UNIT, Autoencoder, AutoencoderConfig, SnippetEncoder
 from motionary.models.layers import TextEncoder
 from motionary.models.recurrent import BiGRU
@@ -50,9 +50,7 @@ class EvaluatorConfig:
     def __post_init__(self) -> None:
         if self.objective not in LOSSES:
             raise InputError("evaluator.objective", self.objective, f"must be one of {', '.join(LOSSES)}")
-        for key in ("margin", "temperature", "radius"):
-            if getattr(self, key) <= 0:
-                raise InputError(f"evaluator.{key}", getattr(self, key), "must be positive")
+        check_values("evaluator", self, ("margin", "temperature", "radius"), lambda v: v > 0, "must be positive")
 
 
 class Evaluator(nn.Module):

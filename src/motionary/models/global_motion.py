@@ -34,11 +34,7 @@ class GlobalMotionConfig:
 
 
 class GlobalMotion(nn.Module):
-    """Three convolutions over time, trained on unlabeled motion by mean absolute error.
-
-    forward(local (B, T, local_dim), frames (B,) | None) -> root velocities (B, T, 3): angular, x and z; both sides
-    normalized, zero beyond the frames. An item's result does not depend on the rest of the batch.
-    """
+    """Three convolutions over time, trained on unlabeled motion by mean absolute error."""
 
     def __init__(self, config: GlobalMotionConfig, context: Any):
         super().__init__()
@@ -52,6 +48,8 @@ class GlobalMotion(nn.Module):
         )
 
     def forward(self, local: Tensor, frames: Tensor | None = None) -> Tensor:
+        """local (B, T, local_dim), frames (B,) | None -> root velocities (B, T, 3): angular, x and z; both sides
+        normalized, zero beyond the frames. An item's result does not depend on the rest of the batch."""
         x = local.transpose(1, 2)
         mask = step_mask(frames, x)
         x = keep(x, mask)
@@ -61,23 +59,21 @@ class GlobalMotion(nn.Module):
 
     def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """Mean absolute error of the normalized velocities over valid frames."""
-        known = self.normalizer(batch.motion)
-        predicted = self(known[..., self.root :], batch.frames)
-        mask = length_mask(batch.frames, known.shape[1])
-        return masked_mean((predicted - known[..., : self.root]).abs(), mask), {}
+        away, mask = self._away(batch)
+        return masked_mean(away.abs(), mask), {}
 
     @torch.no_grad()
     def validate(self, batch: Any) -> dict[str, Tensor]:
         """The loss, and the error of the root's horizontal speed in m/s."""
+        away, mask = self._away(batch)
+        speed = (away[..., 1:] * self.normalizer.std[1 : self.root]).norm(dim=-1) * self.context.fps
+        return {"loss": masked_mean(away.abs(), mask), "speed_error": masked_mean(speed, mask)}
+
+    def _away(self, batch: Any) -> tuple[Tensor, Tensor]:
+        """Predicted less true velocities (B, T, 3), normalized, and the mask (B, T) of valid frames."""
         known = self.normalizer(batch.motion)
         predicted = self(known[..., self.root :], batch.frames)
-        mask = length_mask(batch.frames, known.shape[1])
-        std = self.normalizer.std[1 : self.root]
-        away = ((predicted - known[..., : self.root])[..., 1:] * std).norm(dim=-1) * self.context.fps
-        return {
-            "loss": masked_mean((predicted - known[..., : self.root]).abs(), mask),
-            "speed_error": masked_mean(away, mask),
-        }
+        return predicted - known[..., : self.root], length_mask(batch.frames, known.shape[1])
 
 
 MODEL, CONFIG = GlobalMotion, GlobalMotionConfig

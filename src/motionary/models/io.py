@@ -22,6 +22,11 @@ from motionary.errors import InputError
 WEIGHTS, CONFIG_FILE = "model.safetensors", "config.json"
 
 
+def choose_device(device: str = "auto") -> str:
+    """The device to compute on: `device`, or, for "auto", CUDA where there is one, else the CPU."""
+    return ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+
+
 def save_model(folder: str | Path, name: str, model: nn.Module, context: Any) -> None:
     """Write `model.safetensors` and `config.json` of the system `name` into `folder`, atomically.
 

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from motionary.errors import InputError
+from motionary.errors import InputError, check_values
 from motionary.models.autoencoder import UNIT, position_error, prepare
 from motionary.models.convolutions import Down, Up, coarser, finer, keep, step_mask
 from motionary.models.layers import Normalizer, length_mask, masked_mean
@@ -39,12 +39,8 @@ class LatentsConfig:
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:
             raise InputError("latents.variant", self.variant, f"must be one of {', '.join(VARIANTS)}")
-        for name in ("width", "code_dim"):
-            if getattr(self, name) < 1:
-                raise InputError(f"latents.{name}", getattr(self, name), "must be at least 1")
-        for name in ("kl", "sparsity", "smoothness"):
-            if getattr(self, name) < 0:
-                raise InputError(f"latents.{name}", getattr(self, name), "must not be negative")
+        check_values("latents", self, ("width", "code_dim"), lambda v: v >= 1, "must be at least 1")
+        check_values("latents", self, ("kl", "sparsity", "smoothness"), lambda v: v >= 0, "must not be negative")
 
 
 class Latents(nn.Module):

@@ -61,10 +61,7 @@ def positional_encoding(positions: Tensor, dim: int) -> Tensor:
 
 
 class WordEmbedding(nn.Module):
-    """Word vectors plus, where asked for, an embedding of each word's class (thesis 4.2.3).
-
-    forward(ids (B, N), tags (B, N) | None) -> (B, N, dim). Padding ids (0) give a zero word vector.
-    """
+    """Word vectors plus, where asked for, an embedding of each word's class (thesis 4.2.3)."""
 
     def __init__(self, words: int, dim: int, tags: bool = True):
         super().__init__()
@@ -77,6 +74,7 @@ class WordEmbedding(nn.Module):
             nn.init.normal_(self.tags.weight, std=0.5 * SPREAD)
 
     def forward(self, ids: Tensor, tags: Tensor | None = None) -> Tensor:
+        """ids (B, N), tags (B, N) | None -> (B, N, dim). Padding ids (0) give a zero word vector."""
         embedded = self.words(ids)
         if self.tags is not None and tags is not None:
             embedded = embedded + self.tags(tags)
@@ -105,11 +103,7 @@ class WordEmbedding(nn.Module):
 
 
 class TextEncoder(nn.Module):
-    """Embedding, linear layer and bidirectional GRU (thesis 4.2.3; TM2T Table 3).
-
-    forward(ids (B, N), tags (B, N) | None, count (B,)) -> word features (B, N, 2h), zero at padding, and the sentence
-    feature (B, 2h), the last states of both directions.
-    """
+    """Embedding, linear layer and bidirectional GRU (thesis 4.2.3; TM2T Table 3)."""
 
     def __init__(self, words: int, word_dim: int, hidden: int, tags: bool = True, dropout: float = 0.0):
         super().__init__()
@@ -120,6 +114,8 @@ class TextEncoder(nn.Module):
         self.width = 2 * hidden
 
     def forward(self, ids: Tensor, tags: Tensor | None, count: Tensor) -> tuple[Tensor, Tensor]:
+        """ids (B, N), tags (B, N) | None, count (B,) -> word features (B, N, 2h), zero at padding, and the sentence
+        feature (B, 2h), the last states of both directions."""
         return self.recurrent(self._read(ids, tags), count)
 
     def sentence(self, ids: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:

@@ -18,11 +18,7 @@ _SMOOTHING = 1e-5
 
 
 class Quantizer(nn.Module):
-    """K codes of d dimensions.
-
-    forward(latents (B, S, d), mask (B, S)) -> quantized with straight-through gradient (B, S, d), codes (B, S) long,
-    embedding loss, commitment loss (means over valid steps and dimensions; the embedding loss is zero for `ema`).
-    """
+    """K codes of d dimensions."""
 
     codebook: Tensor
     counts: Tensor
@@ -60,6 +56,9 @@ class Quantizer(nn.Module):
         return F.embedding(codes, self.codebook)
 
     def forward(self, latents: Tensor, mask: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """latents (B, S, d), mask (B, S) -> quantized with straight-through gradient (B, S, d), codes (B, S) long,
+        embedding loss, commitment loss (means over valid steps and dimensions; the embedding loss is zero for
+        `ema`)."""
         with torch.no_grad():
             codes = self.nearest(latents)
         chosen = self.look_up(codes)

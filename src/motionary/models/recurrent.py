@@ -17,6 +17,7 @@ class _Scan(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, gates, weight, bias, start, counts, reverse):  # type: ignore[override]
+        """Outputs (N, h) in packed order and last states (B, h), from start states (B, h)."""
         width = start.shape[1]
         steps = _steps(counts, reverse)
         state = start.clone()
@@ -44,6 +45,7 @@ class _Scan(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, grad_out, grad_state):  # type: ignore[override]
+        """Gradients of gates, weight, bias and start; either incoming one may be None."""
         weight, before, reset_update, new, hidden_new = ctx.saved_tensors
         width = new.shape[1]
         reset, update = reset_update[:, :width], reset_update[:, width:]
@@ -96,17 +98,15 @@ def gru_scan(packed: PackedSequence, unit: nn.GRU, suffix: str = "l0") -> tuple[
 
 
 class BiGRU(nn.Module):
-    """A bidirectional GRU of one layer over padded sequences of different lengths.
-
-    forward(x (B, T, D), lengths (B,)) -> outputs (B, T, 2h), zero at padding, and last states (B, 2h): forward's after
-    the last valid step, backward's after the first. Every length must be at least 1. Padding changes nothing.
-    """
+    """A bidirectional GRU of one layer over padded sequences of different lengths."""
 
     def __init__(self, inputs: int, hidden: int):
         super().__init__()
         self.unit = nn.GRU(inputs, hidden, batch_first=True, bidirectional=True)
 
     def forward(self, x: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
+        """x (B, T, D), lengths (B,) -> outputs (B, T, 2h), zero at padding, and last states (B, 2h): forward's after
+        the last valid step, backward's after the first. Every length must be at least 1. Padding changes nothing."""
         packed = _pack(x, lengths)
         if x.is_cuda:  # cuDNN's own kernels are faster there
             out, last = self.unit(packed)

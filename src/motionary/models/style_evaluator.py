@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from motionary.errors import InputError
+from motionary.errors import InputError, check_values
 from motionary.features import codec
 from motionary.models.convolutions import Down, ResBlock, coarser, keep
 from motionary.models.io import load_model, model_hash
@@ -46,14 +46,10 @@ class StyleEvaluatorConfig:
     trained: bool = True
 
     def __post_init__(self) -> None:
-        for key in ("width", "dim", "scale"):
-            if getattr(self, key) <= 0:
-                raise InputError(f"style_evaluator.{key}", getattr(self, key), "must be positive")
-        for key in ("dropout", "group_dropout", "label_smoothing"):
-            if not 0 <= getattr(self, key) < 1:
-                raise InputError(f"style_evaluator.{key}", getattr(self, key), "must lie in [0, 1)")
-        if self.noise < 0:
-            raise InputError("style_evaluator.noise", self.noise, "must not be negative")
+        check_values("style_evaluator", self, ("width", "dim", "scale"), lambda v: v > 0, "must be positive")
+        shares = ("dropout", "group_dropout", "label_smoothing")
+        check_values("style_evaluator", self, shares, lambda v: 0 <= v < 1, "must lie in [0, 1)")
+        check_values("style_evaluator", self, ("noise",), lambda v: v >= 0, "must not be negative")
 
 
 class Classifier(nn.Module):

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from motionary.errors import InputError
+from motionary.errors import InputError, check_values
 from motionary.models.autoencoder import UNIT
 from motionary.models.convolutions import coarser, keep
 from motionary.models.latents import Latents, LatentsConfig
@@ -55,12 +55,9 @@ class StylizationConfig:
     window: int = 160
 
     def __post_init__(self) -> None:
-        for name in ("width", "content_dim", "style_dim"):
-            if getattr(self, name) < 1:
-                raise InputError(f"stylization.{name}", getattr(self, name), "must be at least 1")
-        for name in ("labels", "blocks", "hsa", "cycle", "kl", "latent_weight"):
-            if getattr(self, name) < 0:
-                raise InputError(f"stylization.{name}", getattr(self, name), "must not be negative")
+        check_values("stylization", self, ("width", "content_dim", "style_dim"), lambda v: v >= 1, "must be at least 1")
+        weights = ("labels", "blocks", "hsa", "cycle", "kl", "latent_weight")
+        check_values("stylization", self, weights, lambda v: v >= 0, "must not be negative")
 
 
 class Stylizer(nn.Module):

@@ -13,7 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from motionary.decoding import Sampling
-from motionary.errors import InputError
+from motionary.errors import InputError, check_values
 from motionary.language import END, UNKNOWN, Sentence
 from motionary.models.io import load_sibling
 from motionary.models.layers import TextEncoder
@@ -46,18 +46,13 @@ class Text2LengthConfig:
     spread: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("dropout", "word_dropout"):
-            if not 0 <= getattr(self, name) < 1:
-                raise InputError(f"text2length.{name}", getattr(self, name), "must be in [0, 1)")
+        check_values("text2length", self, ("dropout", "word_dropout"), lambda v: 0 <= v < 1, "must be in [0, 1)")
         if self.spread < 0:
             raise InputError("text2length.spread", self.spread, "must not be negative (0: only the true length)")
 
 
 class Text2Length(nn.Module):
-    """p(T | sentence) over T = 1 .. T_max units; T_max is the longest window of the corpus.
-
-    forward(words (B, N), tags (B, N) | None, count (B,)) -> logits (B, T_max), column k for k + 1 units.
-    """
+    """p(T | sentence) over T = 1 .. T_max units; T_max is the longest window of the corpus."""
 
     def __init__(self, config: Text2LengthConfig, context: Context):
         super().__init__()
@@ -75,6 +70,7 @@ class Text2Length(nn.Module):
         )
 
     def forward(self, words: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
+        """words (B, N), tags (B, N) | None, count (B,) -> logits (B, T_max), column k for k + 1 units."""
         return self.head(self.text.sentence(words, tags, count))
 
     def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import torch
 from torch import Tensor, nn
 
-from motionary.errors import InputError
+from motionary.errors import check_values
 from motionary.models.autoencoder import Autoencoder, AutoencoderConfig, SnippetDecoder, SnippetEncoder
 from motionary.models.curriculum import Curriculum
 from motionary.models.io import load_sibling
@@ -75,15 +75,12 @@ class Text2MotionConfig:
     hide_contacts: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("dropout", "word_dropout", "teacher_forcing", "curriculum_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"text2motion.{name}", getattr(self, name), "must be in 0..1")
-        for name in ("curriculum_start", "curriculum_add", "curriculum_patience"):
-            if getattr(self, name) < 1:
-                raise InputError(f"text2motion.{name}", getattr(self, name), "must be at least 1")
-        for name in ("motion_weight", "kl_weight", "decoder_rate", "temperature"):
-            if getattr(self, name) < 0:
-                raise InputError(f"text2motion.{name}", getattr(self, name), "must not be negative")
+        shares = ("dropout", "word_dropout", "teacher_forcing", "curriculum_share")
+        check_values("text2motion", self, shares, lambda v: 0 <= v <= 1, "must be in 0..1")
+        steps = ("curriculum_start", "curriculum_add", "curriculum_patience")
+        check_values("text2motion", self, steps, lambda v: v >= 1, "must be at least 1")
+        weights = ("motion_weight", "kl_weight", "decoder_rate", "temperature")
+        check_values("text2motion", self, weights, lambda v: v >= 0, "must not be negative")
 
 
 class Text2Motion(nn.Module):

@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from motionary.decoding import Sampling
-from motionary.errors import InputError
+from motionary.errors import InputError, check_values
 from motionary.language import END, UNKNOWN
 from motionary.models.io import load_sibling, read_record
 from motionary.models.layers import WordEmbedding, length_mask
@@ -73,11 +73,8 @@ class Text2TokenConfig:
     guidance: float = 1.0
 
     def __post_init__(self):
-        for name in (
-            "teacher_forcing_start", "teacher_forcing_end", "token_dropout", "word_dropout", "text_dropout"
-        ):  # fmt: skip
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"text2token.{name}", getattr(self, name), "must be a probability, 0 to 1")
+        shares = ("teacher_forcing_start", "teacher_forcing_end", "token_dropout", "word_dropout", "text_dropout")
+        check_values("text2token", self, shares, lambda v: 0 <= v <= 1, "must be a probability, 0 to 1")
         if self.architecture not in ("gru", "transformer"):
             raise InputError("text2token.architecture", self.architecture, "must be gru or transformer")
         if self.architecture == "transformer" and self.width % self.heads:

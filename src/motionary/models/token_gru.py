@@ -32,10 +32,12 @@ class StraightThrough(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, soft):  # type: ignore[override]
+        """(..., K) distribution -> (..., K) one-hot."""
         return torch.zeros_like(soft).scatter_(-1, soft.argmax(-1, keepdim=True), 1.0)
 
     @staticmethod
     def backward(ctx, grad):  # type: ignore[override]
+        """The gradient as it comes."""
         return grad
 
 

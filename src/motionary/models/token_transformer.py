@@ -48,6 +48,7 @@ class FeedForward(nn.Sequential):
 
     def forward(self, x: Tensor) -> Tensor:  # type: ignore[override]
         # Flat: a linear layer's output on three dimensions is a view, and changing a view in place costs copies.
+        """(B, T, d) -> (B, T, d)."""
         return super().forward(x.flatten(0, -2)).view(x.shape)
 
 
@@ -62,6 +63,7 @@ class EncoderLayer(nn.Module):
         self.dropout = nn.Dropout(dropout)
 
     def forward(self, x: Tensor, mask: Tensor) -> Tensor:
+        """x (B, N, d), mask of valid positions -> (B, N, d)."""
         normal = self.norms[0](x)
         x = x + self.dropout(self.attention(normal, *self.attention.keys_values(normal), mask))
         return x + self.dropout(self.forward_part(self.norms[1](x)))
@@ -79,6 +81,7 @@ class DecoderLayer(nn.Module):
         self.dropout = nn.Dropout(dropout)
 
     def forward(self, x: Tensor, source: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:
+        """x (B, T, d), keys and values of the source, its mask -> (B, T, d)."""
         normal = self.norms[0](x)
         x = x + self.dropout(self.attention(normal, *self.attention.keys_values(normal), causal=True))
         return self._rest(x, source, mask)

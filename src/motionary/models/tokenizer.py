@@ -77,7 +77,7 @@ class TokenizerConfig:
 
 
 class TokenEncoder(nn.Module):
-    """E of Eq. 2. forward(x (B, C, T) normalized, mask) -> latents (B, T/4, d)."""
+    """E of Eq. 2."""
 
     def __init__(self, config: TokenizerConfig, features: int):
         super().__init__()
@@ -89,6 +89,7 @@ class TokenEncoder(nn.Module):
         self.output = nn.Conv1d(config.width, config.code_dim, 1) if config.code_dim != config.width else nn.Identity()
 
     def forward(self, x: Tensor, mask: Tensor | None) -> Tensor:
+        """x (B, C, T) normalized, mask -> latents (B, T/4, d)."""
         half = coarser(mask)
         quarter = coarser(half)
         x = self.first(x, half)
@@ -101,7 +102,7 @@ class TokenEncoder(nn.Module):
 
 
 class TokenDecoder(nn.Module):
-    """D of Eq. 2. forward(codebook entries (B, S, d), count (B,) | None) -> normalized features (B, 4S, D)."""
+    """D of Eq. 2."""
 
     def __init__(self, config: TokenizerConfig, features: int):
         super().__init__()
@@ -114,6 +115,7 @@ class TokenDecoder(nn.Module):
         self.output = nn.Conv1d(features, features, 3, padding=1)
 
     def forward(self, entries: Tensor, count: Tensor | None = None) -> Tensor:
+        """codebook entries (B, S, d), count (B,) | None -> normalized features (B, 4S, D)."""
         x = entries.transpose(1, 2)
         quarter = step_mask(count, x)
         half = finer(quarter)

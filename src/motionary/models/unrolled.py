@@ -18,12 +18,14 @@ class _Ticket(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, weight, bias, steps):  # type: ignore[override]
+        """A scalar that every step takes, so that this backward comes after all of theirs."""
         ctx.steps = steps
         return weight.new_zeros(())
 
     @staticmethod
     @once_differentiable
     def backward(ctx, grad):  # type: ignore[override]
+        """Gradients of weight and bias: one product over all steps."""
         inputs, grads = (torch.cat(parts) for parts in zip(*ctx.steps, strict=True))
         ctx.steps.clear()
         return grads.t() @ inputs, grads.sum(0), None
@@ -34,6 +36,7 @@ class _Product(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, x, ticket, weight, bias, steps):  # type: ignore[override]
+        """The product of one step."""
         ctx.save_for_backward(x, weight)
         ctx.steps = steps
         return torch.addmm(bias, x, weight.t())
@@ -41,6 +44,7 @@ class _Product(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, grad):  # type: ignore[override]
+        """The input's gradient; the weight's share is left for the ticket."""
         x, weight = ctx.saved_tensors
         ctx.steps.append((x, grad))
         return grad @ weight if ctx.needs_input_grad[0] else None, grad.new_zeros(()), None, None, None

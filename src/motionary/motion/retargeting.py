@@ -111,6 +111,7 @@ def _torso(points: np.ndarray, rest: np.ndarray, skeleton: Skeleton) -> np.ndarr
     """(T, 3, 3) rotation of the trunk from the rest pose: across by hips and shoulders, up from hips to shoulders."""
 
     def frame(p: np.ndarray) -> np.ndarray:
+        """(T, 3, 3) axes of the trunk at joint positions (T, J, 3)."""
         (a, b), (c, d) = skeleton.hips, skeleton.shoulders
         side = fill_short(p[:, a] - p[:, b] + p[:, c] - p[:, d], np.array([1.0, 0, 0]))
         up = (p[:, c] + p[:, d]) - (p[:, a] + p[:, b])

@@ -93,6 +93,7 @@ class Skeleton:
         roles = find_roles(tuple(joints))
 
         def at(role: str, otherwise: int = 0) -> int:
+            """Index of the joint in a role."""
             return roles.get(role, otherwise)
 
         left, right = at("left_ankle"), at("right_ankle")

@@ -37,6 +37,7 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
     extra = ["Multimodality", "Oracle: captions", "Oracle: prompts", "Foot skating, m/s"] if whole else ["Oracle"]
 
     def row(label: str, judged: Any, *more: str) -> list[str]:
+        """A row of judged metrics and what else there is."""
         cells = [show(at(judged, key)) for _, key in JUDGED]
         return [label, *cells, *more, *[NONE] * (len(extra) - len(more))]
 
@@ -44,7 +45,9 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
     skating = show(at(first, "physics", "real", "foot_skating"))
     real_more = (NONE, real_oracle, NONE, skating) if whole else (real_oracle,)
     rows = [row("real motions", at(first, "real", part), *real_more)]
-    rows += [row(f"real, through {name}", report["reconstruction"][part]) for name, report in decoded.items()]
+    for name, report in decoded.items():
+        captions = percent(at(report, "reconstruction_oracle", part, "confirmed"))
+        rows.append(row(f"real, through {name}", report["reconstruction"][part], *([NONE] * whole), captions))
     for name, report in _with_real_lengths(systems).items():
         captions = percent(at(report, "oracle", "captions", part, "confirmed"))
         more = (
@@ -159,6 +162,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
     out: dict[str, dict[str, float]] = {}
 
     def put(name: str, metric: str, value: Any) -> None:
+        """Keeps a value that is there."""
         value = value.get("mean") if isinstance(value, Mapping) else value
         if value is not None:
             out.setdefault(name, {})[metric] = value

@@ -105,6 +105,7 @@ class _Run:
         self.kept: dict[str, Tensor] = {}
 
     def run(self, stop_after: int | None) -> History:
+        """Trains from the checkpoint, or from the start, to the last step."""
         self._resume()
         started, settings = time.monotonic(), self.settings
         per_step = settings.batch_size * self.fabric.world_size

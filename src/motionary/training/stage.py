@@ -153,6 +153,7 @@ def run_stage(body: Callable[[DictConfig], None]) -> Callable[[DictConfig], None
 
     @functools.wraps(body)  # Hydra finds conf/ from the file of the wrapped function
     def main(config: DictConfig) -> None:
+        """The body; bad input ends in one line and exit code 2."""
         try:
             body(config)
         except InputError as error:

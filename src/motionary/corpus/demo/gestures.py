@@ -43,6 +43,7 @@ class Keys:
 
     @property
     def end(self) -> float:
+        """When the last key stands, in seconds."""
         return self.times[-1]
 
     def at(self, t: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ def _arc_shape(length: float, angle: float, straight: float = 0.0):
     """A path of `length` metres that bends by `angle` after a straight share; heading along the path."""
 
     def shape(progress: np.ndarray):
+        """Ground positions (N, 2) and headings (N,) at shares (N,) of the path."""
         dense = np.linspace(0, 1, 400)
         bend = np.clip((dense - straight) / max(1 - straight, 1e-6), 0, 1)
         yaw = angle * bend

@@ -40,10 +40,12 @@ class Plan:
 
     @property
     def frames(self) -> int:
+        """Number of frames."""
         return len(self.path)
 
     @property
     def seconds(self) -> float:
+        """From the first frame to the last."""
         return (self.frames - 1) / RATE
 
 
@@ -149,6 +151,7 @@ def sample(plan: Plan, fps: float) -> Plan:
     high = np.minimum(low + 1, plan.frames - 1)
 
     def pick(values: np.ndarray) -> np.ndarray:
+        """Values at the new times; of flags, those that hold on both sides."""
         if values.dtype == bool:
             return values[low] & values[high]
         w = part.reshape((-1,) + (1,) * (values.ndim - 1))

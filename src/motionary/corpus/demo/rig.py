@@ -31,6 +31,7 @@ class Rig:
     standing: float  # pelvis height above the floor with straight legs and flat feet, m
 
     def joint(self, side: int, part: str) -> int:
+        """Index of a joint by side (0 left, 1 right) and part ("knee")."""
         return self.skeleton.roles[f"{('left', 'right')[side]}_{part}"]
 
 

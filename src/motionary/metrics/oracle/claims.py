@@ -46,6 +46,7 @@ def _sided(name: str, nouns: str) -> Callable[[str], Iterator[tuple]]:
     """Counts of a limb: of the named side exactly; where no side is named, nothing can be claimed of either."""
 
     def rule(clause: str):
+        """Claims of one clause."""
         side, count = limb_in(clause), count_in(clause, f"times?|{nouns}")
         if side in ("left", "right"):
             yield f"{name}_{side}", count
