@@ -127,6 +127,27 @@ def test_a_port_in_use_and_missing_models_are_one_line(pipeline, tmp_path):
         server.App(tmp_path / "nothing", "cpu", "127.0.0.1", 0)
 
 
+def test_a_page_of_another_site_is_turned_away(pipeline):
+    import viser
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.client import connect
+
+    app = server.App(pipeline / "models", "cpu", "127.0.0.1", 0)
+    try:
+        address, site = app.url.replace("http", "ws"), app.url
+        options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "open_timeout": 60}
+        for origin in (None, site):
+            with connect(address, origin=origin, **options) as socket:
+                assert socket.recv(timeout=60)
+        for origin in ("https://example.com", site.replace("localhost", "localhost.example.com"), "null"):
+            with connect(address, origin=origin, **options) as socket, pytest.raises(ConnectionClosed) as caught:
+                socket.recv(timeout=60)
+            assert caught.value.rcvd is not None
+            assert caught.value.rcvd.code == 1008
+    finally:
+        app.close()
+
+
 def test_it_listens_here_alone_unless_told_otherwise():
     from motionary.arguments import build_parser
     from motionary.cli import COMMANDS

@@ -13,6 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,7 +21,8 @@ import numpy as np
 import pygltflib
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from tiny import add_stylizers
 
 from motionary import read_motion
 from motionary.corpus.demo import demo_clip
@@ -31,9 +33,12 @@ FIGURE = {"x": 320, "y": 130, "width": 340, "height": 500}  # of the page: where
 
 
 @pytest.fixture(scope="module")
-def url(pipeline):
-    models = os.environ.get("APP_MODELS", str(pipeline / "models"))
-    command = [sys.executable, "-m", "motionary.cli", "app", "--port", "0", "--models", models, "--device", "cpu"]
+def url(pipeline, tmp_path_factory):
+    models = os.environ.get("APP_MODELS")
+    if models is None:
+        models = shutil.copytree(pipeline / "models", tmp_path_factory.mktemp("app") / "models")
+        add_stylizers(pipeline, models)
+    command = [sys.executable, "-m", "motionary.cli", "app", "--port", "0", "--models", str(models), "--device", "cpu"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert server.stdout is not None
     line = next((line for line in server.stdout if "motionary is at" in line), "")
@@ -112,10 +117,30 @@ def download(page: Page, extension: str, folder: Path) -> Path:
     return target
 
 
-def upload(page: Page, path: Path) -> None:
+def upload(page: Page, path: Path, button: str = "Upload a motion") -> None:
     with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Upload a motion").click()
+        page.get_by_role("button", name=button).click()
     chooser.value.set_files(path)
+
+
+def control(page: Page, label: str) -> Locator:
+    """The box of text or of a number beside a label."""
+    return page.locator(f"xpath=//label[normalize-space()='{label}']/following::input[@type='text' or not(@type)][1]")
+
+
+def put(page: Page, label: str, value: object) -> None:
+    control(page, label).fill(str(value))
+    control(page, label).blur()
+
+
+def choose(page: Page, label: str, value: str) -> None:
+    control(page, label).click()
+    page.get_by_role("option", name=value, exact=True).click()
+
+
+def letters(page: Page) -> int:
+    """Pixels as dark as writing, which neither figures nor the floor are."""
+    return int((picture(page).max(-1) < 70).sum())
 
 
 def test_a_prompt_is_seen_moving_and_its_files_are_read(visit, tmp_path):
@@ -171,3 +196,86 @@ def test_visitors_do_not_see_each_other_and_uploads_are_checked(visit, tmp_path)
     ben.get_by_text("3 matches").wait_for()
     assert ben.get_by_role("button", name="glb", exact=True).count() == 3
     assert ann.get_by_role("button", name="glb", exact=True).count() == 1
+
+
+def test_playback_obeys(visit):
+    page = visit()
+    until(page, lambda: still(page), "a page at rest")
+    assert letters(page) == 0
+    generate(page, "a person waves with the left hand")
+    until(page, lambda: letters(page) > 30, "the prompt above the figure")
+
+    put(page, "Time", 0.4)  # the scrubber stops where it is put
+    until(page, lambda: still(page) and not page.get_by_role("checkbox").first.is_checked(), "a stop")
+    assert float(control(page, "Time").input_value()) == 0.4
+    early = picture(page)
+    put(page, "Time", 0.0)
+    until(page, lambda: changed(early, picture(page)) > 20, "another pose")
+    put(page, "Time", 0.4)
+    until(page, lambda: changed(early, picture(page)) == 0, "the same pose again")
+
+    choose(page, "Look", "mannequin")
+    until(page, lambda: changed(early, picture(page)) > 300 and still(page), "a mannequin")
+    mannequin = picture(page)
+    put(page, "Time", 0.0)
+    until(page, lambda: changed(mannequin, picture(page)) > 20, "the mannequin in another pose")
+    put(page, "Time", 0.4)
+    until(page, lambda: changed(mannequin, picture(page)) == 0, "the mannequin's same pose again")
+
+    page.mouse.move(400, 300)
+    page.mouse.down()
+    page.mouse.move(500, 360, steps=5)
+    page.mouse.up()
+    until(page, lambda: changed(mannequin, picture(page)) > 300 and still(page), "another side")
+    page.get_by_role("button", name="Reset the camera").click()
+    until(page, lambda: changed(mannequin, picture(page)) < 50, "the side of the beginning")
+
+    put(page, "Speed", 0.1)
+    put(page, "Time", 0.0)
+    page.get_by_role("checkbox").first.check(force=True)
+    begin = time.monotonic()
+    until(page, lambda: float(control(page, "Time").input_value()) > 0, "the clock running")
+    page.wait_for_timeout(1500)
+    shown = float(control(page, "Time").input_value())
+    assert 0 < shown <= 0.1 * (time.monotonic() - begin) + 0.05
+
+
+def test_a_motion_is_stylized_by_label_by_chance_and_by_a_reference(visit, tmp_path):
+    page = visit()
+    page.get_by_role("tab", name="Read").click()
+    page.get_by_role("button", name="Stylize", exact=True).click()
+    page.get_by_text("upload or generate one first").wait_for()
+    content, reference = tmp_path / "content.npz", tmp_path / "reference.bvh"
+    demo_clip(3)[0].save(content)
+    demo_clip(5)[0].save(reference)
+    upload(page, content)
+    page.get_by_text("content.npz: ").wait_for()
+
+    def stylized(style: str, strength: float) -> np.ndarray:
+        """The result as it comes from a download, beside which the motion before stands."""
+        choose(page, "Style", style)
+        put(page, "Strength", strength)
+        page.get_by_role("button", name="Stylize", exact=True).click()
+        page.get_by_text(f"Stylized: {style}", exact=True).wait_for()
+        until(page, lambda: page.get_by_role("button", name="bvh", exact=True).count() == 2, "two results")
+        return read_motion(download(page, "bvh", tmp_path)).positions
+
+    before = read_motion(content).positions
+    control(page, "Style").click()
+    offered = page.get_by_role("option").all_inner_texts()
+    page.keyboard.press("Escape")
+    label = offered[2]
+    assert offered[:2] == ["by chance", "of the reference"]
+    by_label = stylized(label, 1.0)
+    assert by_label.shape[1] >= 22
+    assert np.isfinite(by_label).all()
+    weak = stylized(label, 0.0)  # nothing but a passage through the codec
+    assert not np.allclose(weak, by_label, atol=0.005)
+    assert not np.allclose(stylized("by chance", 1.0), by_label, atol=0.005)
+
+    choose(page, "Style", "of the reference")
+    page.get_by_role("button", name="Stylize", exact=True).click()
+    page.get_by_text("upload one first").wait_for()
+    upload(page, reference, "Upload a reference")
+    page.get_by_text("Reference: reference.bvh").wait_for()
+    assert stylized("of the reference", 1.0).shape[0] == pytest.approx(len(before), abs=4)

@@ -1,4 +1,5 @@
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -112,3 +113,13 @@ def test_two_processes_train_as_one_with_twice_the_batch(fabric, tmp_path):
     for name, value in single.named_parameters():
         assert torch.equal(first[name], second[name])
         assert torch.allclose(first[name], value, atol=2e-5), name
+
+
+@pytest.mark.parametrize(("asked", "told", "used"), [(0, "1", 1), (2, "1", 2)])
+def test_several_processes_can_share_the_cores(asked, told, used):
+    code = "from motionary.training import devices; devices.set_threads({}); print(devices.torch.get_num_threads())"
+    command = [sys.executable, "-c", code.format(asked)]
+    done = subprocess.run(
+        command, env={**os.environ, "OMP_NUM_THREADS": told}, capture_output=True, text=True, check=True
+    )
+    assert int(done.stdout) == used

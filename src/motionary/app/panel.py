@@ -18,6 +18,7 @@ from motionary.motion import Motion
 _MOST_VARIANTS = 6
 _CHANCE, _REFERENCE = "by chance", "of the reference"
 _TITLE = 40  # letters above a figure
+_NUDGE = 1e-4  # seconds, fewer than the scrubber shows: viser sends no value that has not changed
 READY = "Ready."
 
 
@@ -165,11 +166,15 @@ class Panel:
             look = gui.add_dropdown("Look", LOOKS)
             camera = gui.add_button("Reset the camera")
 
-        def seek(event: Any) -> None:
+        async def seek(event: Any) -> None:  # in viser's loop, before the clock can overwrite what was sent
             """Stops where the visitor puts the scrubber."""
-            if event.client is not None:  # moved by the visitor, not by the clock
+            if event.client is None:
+                return  # moved by the clock
+            seconds = float(self._clock.value)
+            if self.player.playing:
                 playing.value = self.player.playing = False
-                self.player.seek(float(self._clock.value))
+                self._clock.value = seconds - _NUDGE  # shown anew: the clock's last report may come after the visitor
+            self.player.seek(seconds)
 
         self._clock.on_update(seek)
         playing.on_update(lambda _: setattr(self.player, "playing", bool(playing.value)))

@@ -8,11 +8,14 @@ import signal
 import socket
 import sys
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import viser
 from viser import _messages as messages
+from viser.infra._infra import WebsockClientConnection
 
 from motionary.app.panel import Panel
 from motionary.app.work import MOST_BYTES, Workers
@@ -24,6 +27,12 @@ class _Server(viser.ViserServer):
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Never: any visitor could ask for a public tunnel to this machine."""
         return None
+
+    async def turn_away(self, connection: WebsockClientConnection) -> None:
+        """Closes what another site's page has opened; viser awaits this before it reads what was sent."""
+        socket = self._websock_server._live_connections[connection.client_id]
+        if socket.request is not None and not is_same_site(socket.request.headers):
+            await socket.close(1008, "opened by another site's page")
 
 
 class App:
@@ -48,6 +57,7 @@ class App:
         self.workers = Workers()
         self._panels: dict[int, Panel] = {}
         self.server = _Server(host=host, port=port, label="motionary", verbose=False)
+        self.server._websock_server.on_client_connect(self.server.turn_away)
         if port and self.server.get_port() != port:  # viser takes the next one where another program was faster
             self.close()
             raise InputError("--port", port, "in use; choose another")
@@ -55,6 +65,8 @@ class App:
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.scene.set_up_direction("+y")
         self.server.scene.add_grid("/floor", width=30, height=30, plane="xz", cell_size=0.5, section_size=2.0)
+        # The page draws labels only if it has one when it opens: this one, of a space, under the floor.
+        self.server.scene.add_label("/floor/label", " ", position=(0.0, -1.0, 0.0))
         self.generators = systems_with(self.dictionary, "open_generator")
         self.server.on_client_connect(self._welcome)
         self.server.on_client_disconnect(self._leave)
@@ -122,6 +134,16 @@ def systems_with(dictionary: Dictionary, opener: str) -> tuple[str, ...]:
         if spec and spec.origin and f"def {opener}(" in Path(spec.origin).read_text(encoding="utf-8"):
             found.append(name)
     return tuple(sorted(found, key=lambda name: (name not in (GENERATOR, CAPTIONER), name)))
+
+
+def is_same_site(headers: Mapping[str, str]) -> bool:
+    """Whether a connection was opened by the page that this server sent, or by no browser.
+
+    Browsers let any page open a WebSocket to any address, this machine's own among them, and name the page's site in
+    Origin.
+    """
+    origin = headers.get("Origin")
+    return origin is None or urlsplit(origin).netloc.lower() == headers.get("Host", "").lower()
 
 
 def limit_uploads(client: viser.ClientHandle) -> None:

@@ -10,6 +10,16 @@ from lightning_fabric import Fabric
 from lightning_fabric.strategies.ddp import DDPStrategy
 
 
+def set_threads(threads: int) -> None:
+    """Threads of this process's computations; 0 leaves it to torch: every core, or as many as OMP_NUM_THREADS says.
+
+    Whoever starts several processes sets that variable (joblib does): with every core for each, they wait for one
+    another at every operation, many times slower.
+    """
+    if threads:
+        torch.set_num_threads(threads)
+
+
 def make_fabric(device: str = "auto", precision: str = "auto") -> Fabric:
     """A Fabric for this process; under ``torchrun`` it joins the distributed job.
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import sys
-
-import torch
 
 from motionary.corpus.batches import Batches, Dataset
 from motionary.training.curves import draw_curves, write_curves
-from motionary.training.devices import make_fabric
+from motionary.training.devices import make_fabric, set_threads
 from motionary.training.loop import History, fit
 from motionary.training.settings import TrainSettings
 from motionary.training.stage import Stage
@@ -39,7 +36,7 @@ def train(
 
     Under ``torchrun`` only the first process returns; the others end here, since it writes what follows.
     """
-    torch.set_num_threads(int(stage.values["threads"]) or os.cpu_count() or 1)
+    set_threads(int(stage.values["threads"]))
     fabric = make_fabric(stage.values["device"], stage.values["precision"])
     first = fabric.global_rank == 0
     label = name or stage.name
