@@ -131,7 +131,8 @@ class Panel:
             options = {"seed": int(seed.value), "strength": float(strength.value)}
             (result,) = self.dictionary.stylize(content, **chosen, **options)
             title = f"style {style.value}"
-            self._show([content, result], ["before", title], ["before", title], f"Stylized: {_plain(style.value)}")
+            said = f"Stylized: {style.value}, strength {strength.value:g}, seed {seed.value}"
+            self._show([content, result], ["before", title], ["before", title], _plain(said))
 
         self.workers.submit(lambda: self._guarded(labels))
         reference.on_upload(lambda _: self._start("Reading the reference", read_reference))

@@ -106,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m motionary.bench", description=__doc__)
     parser.add_argument("--only", metavar="NAME,...", help="these cases: " + ", ".join(case.name for case in CASES))
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
-    parser.add_argument("--repeats", type=int, default=3, help="runs of each case, the shortest counts (default 3)")
+    parser.add_argument("--repeats", type=int, default=5, help="runs of each case, the shortest counts (default 5)")
     parser.add_argument("--small", action="store_true", help="tiny shapes, only to see that every case runs")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)

@@ -17,11 +17,12 @@ def cpu_time() -> float:
     return time.process_time() + children.ru_utime + children.ru_stime
 
 
-def least_time(run: Callable[[], object], repeats: int = 3, brief: float = 0.1) -> tuple[float, int]:
+def least_time(run: Callable[[], object], repeats: int = 5, brief: float = 0.1) -> tuple[float, int]:
     """The shortest CPU time of `run` in seconds, and how often it ran.
 
     Args:
-        run: the work; its first run, which also warms up, counts like any other.
+        run: the work; its first runs, which also warm up (the third is the first that asks for no new memory), count
+            like any other.
         repeats: runs of long work.
         brief: work that takes less runs ten times as often.
     """
