@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,15 @@ from motionary.report.results import at
 from motionary.report.stylization import SCORED
 from motionary.report.table import NONE, Table, show
 
-Runs = Mapping[str, Mapping[str, Mapping[str, float]]]  # experiment -> system -> metric -> value
+
+class Measure(NamedTuple):
+    """One value of one run, with its 95% interval over the repetitions of the protocol, None where there are none."""
+
+    mean: float
+    half: float | None = None
+
+
+Runs = Mapping[str, Mapping[str, Mapping[str, Measure]]]  # experiment -> system -> metric -> value
 
 _REAL = ("Real R@1", "Real R@3")
 _HELD = ("Real lengths R@3", "Real lengths FID")
@@ -32,7 +40,7 @@ _STYLED = tuple(
 _COMPARED = ("R@1", "R@3", "FID", *_HELD, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3")
 
 
-def measured(folder: Path, system: str) -> dict[str, float]:
+def measured(folder: Path, system: str) -> dict[str, Measure]:
     """The main metrics of one system of one experiment, from its reports.
 
     Args:
@@ -53,19 +61,24 @@ def measured(folder: Path, system: str) -> dict[str, float]:
     ):
         for part in at(scored, *keys) or {}:
             for name in names:
-                values[_named(prefix + _LABELS[name], part)] = at(scored, *keys, part, name, "mean")
+                values[_named(prefix + _LABELS[name], part)] = at(scored, *keys, part, name)
     for part in at(scored, "language") or {}:
         values[_named("BLEU-4", part)] = at(scored, "language", part, "bleu4")
         values[_named("BLEU-4 raw", part)] = at(scored, "language", part, "raw", "bleu4")
     for row, found in (at(own, "stylization", HELD_OUT, "rows") or {}).items():
         for heading, key in SCORED:
-            values[f"{row}: {heading}"] = at(found, key, "mean")
+            values[f"{row}: {heading}"] = at(found, key)
     values["Named action"] = at(scored, "action", "all", "named")
     values["Oracle"] = at(scored, "oracle", "prompts", "confirmed")
     values["Caption NLL"] = at(own, "training", "validation_caption_nll")
     values["Local MPJPE (mm)"] = at(tokenizer, "positions", "all", "local_mm")
     values["Codes used"] = at(tokenizer, "codes", "used")
-    return {name: float(value) for name, value in values.items() if value is not None}
+    return {name: _measure(value) for name, value in values.items() if value is not None}
+
+
+def _measure(value: Any) -> Measure:
+    """Of a number, or of a {"mean", "half"} as reports hold it."""
+    return Measure(float(value["mean"]), value.get("half")) if isinstance(value, Mapping) else Measure(float(value))
 
 
 _LABELS = {"r1": "R@1", "r2": "R@2", "r3": "R@3", "fid": "FID", "fid_real_halves": "FID of two real halves"}
@@ -92,7 +105,7 @@ def comparisons(study: Study, runs: Runs) -> list[dict[str, Any]]:
         common = [value for value in a if value in b]
         names = dict.fromkeys(name for value in common for name in a[value])
         for name in names:
-            pairs = [(a[v][name], b[v][name]) for v in common if name in a[v] and name in b[v]]
+            pairs = [(a[v][name].mean, b[v][name].mean) for v in common if name in a[v] and name in b[v]]
             if pairs:
                 found = paired_interval(*np.transpose(pairs))
                 half = None if np.isnan(found.half) else round(found.half, 6)
@@ -101,7 +114,7 @@ def comparisons(study: Study, runs: Runs) -> list[dict[str, Any]]:
     return out
 
 
-def _by_value(study: Study, runs: Runs, entry: str, system: str) -> dict[Any, Mapping[str, float]]:
+def _by_value(study: Study, runs: Runs, entry: str, system: str) -> dict[Any, Mapping[str, Measure]]:
     done = [e for e in study.experiments if e.entry == entry and e.name in runs]
     return {e.value: runs[e.name][system] for e in done}
 
@@ -110,7 +123,10 @@ def study_tables(study: Study, runs: Runs, found: Sequence[Mapping[str, Any]]) -
     """The tables of what has been run; empty ones are left out."""
     metrics = {name for run in runs.values() for values in run.values() for name in values}
     parts = sorted({name.split(", ", 1)[1] for name in metrics if ", " in name})
-    note = "Mean over seeds (or splits) with its 95% interval by Student's t, where there are several."
+    note = (
+        "Mean over seeds (or splits) with its 95% interval by Student's t; of a single run, the interval over the"
+        " repetitions of its evaluation."
+    )
 
     def with_parts(names: Sequence[str], *of: str) -> list[str]:
         """The names, and some metrics again for each part."""
@@ -147,12 +163,14 @@ def _values(done: Sequence[Experiment]) -> str:
     return ", ".join(str(e.value) for e in done) if done[0].value is not None else "1"
 
 
-def _mean(values: Sequence[float | None]) -> str:
+def _mean(values: Sequence[Measure | None]) -> str:
     known = [value for value in values if value is not None]
     if not known:
         return NONE
-    found = paired_interval(known, np.zeros(len(known)))
-    return show({"mean": found.mean, "half": None if np.isnan(found.half) else found.half})
+    if len(known) == 1:
+        return show(known[0]._asdict())
+    found = paired_interval([value.mean for value in known], np.zeros(len(known)))
+    return show({"mean": found.mean, "half": found.half})
 
 
 def _differences(found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:

@@ -122,8 +122,13 @@ def write_results(root: Path, study: Study) -> str:
     if missing:
         text += f"\nNot run yet: {', '.join(missing)}.\n"
     experiments = {
-        e.name: {"why": e.why, "overrides": e.overrides, "values": runs[e.name]} for e in done
-    }  # fmt: skip
+        e.name: {
+            "why": e.why,
+            "overrides": e.overrides,
+            "values": {s: {name: value._asdict() for name, value in of.items()} for s, of in runs[e.name].items()},
+        }
+        for e in done
+    }
     folder = root / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     summary = {"experiments": experiments, "differences": found, "missing": missing}
