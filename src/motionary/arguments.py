@@ -100,6 +100,8 @@ def _view_arguments(add: argparse.ArgumentParser) -> None:
 def _app_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--host", default="127.0.0.1", help="address to listen on; 0.0.0.0 is everyone's (%(default)s)")
     add.add_argument("--port", type=int, default=8080, help="0 takes any that is free (%(default)s)")
+    told = "another site whose pages may connect, such as a proxy's that renames the host; repeat it for several"
+    add.add_argument("--origin", action="append", default=[], metavar="URL", help=told)
     add.add_argument("--models", default="models", metavar="FOLDER", help="what `dvc repro` built (models)")
     add.add_argument("--device", default="auto", help="auto, cpu or cuda")
 

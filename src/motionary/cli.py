@@ -179,7 +179,7 @@ def app(options: argparse.Namespace) -> None:
     """The page, until interrupted."""
     from motionary.app.server import serve
 
-    serve(options.models, options.device, options.host, options.port)
+    serve(options.models, options.device, options.host, options.port, options.origin)
 
 
 COMMANDS = {

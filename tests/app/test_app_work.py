@@ -132,11 +132,11 @@ def test_a_page_of_another_site_is_turned_away(pipeline):
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
 
-    app = server.App(pipeline / "models", "cpu", "127.0.0.1", 0)
+    app = server.App(pipeline / "models", "cpu", "127.0.0.1", 0, ["https://Motion.example.org/"])
     try:
         address, site = app.url.replace("http", "ws"), app.url
         options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "open_timeout": 60}
-        for origin in (None, site):
+        for origin in (None, site, "https://motion.example.org"):
             with connect(address, origin=origin, **options) as socket:
                 assert socket.recv(timeout=60)
         for origin in ("https://example.com", site.replace("localhost", "localhost.example.com"), "null"):

@@ -8,7 +8,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -24,6 +24,8 @@ from motionary.errors import InputError
 
 
 class _Server(viser.ViserServer):
+    origins: tuple[str, ...] = ()
+
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Never: any visitor could ask for a public tunnel to this machine."""
         return None
@@ -31,7 +33,9 @@ class _Server(viser.ViserServer):
     async def turn_away(self, connection: WebsockClientConnection) -> None:
         """Closes what another site's page has opened; viser awaits this before it reads what was sent."""
         socket = self._websock_server._live_connections[connection.client_id]
-        if socket.request is not None and not is_same_site(socket.request.headers):
+        if socket.request is not None and not is_same_site(socket.request.headers, self.origins):
+            site = socket.request.headers["Origin"]
+            print(f"refused a connection from a page of {site}; --origin {site} would allow it", file=sys.stderr)
             await socket.close(1008, "opened by another site's page")
 
 
@@ -42,12 +46,13 @@ class App:
         url: where it is.
     """
 
-    def __init__(self, models: str | Path, device: str, host: str, port: int):
+    def __init__(self, models: str | Path, device: str, host: str, port: int, origins: Sequence[str] = ()):
         """
         Args:
             models, device: see `motionary.load`.
             host: the address to listen on; 127.0.0.1 is reached from this machine alone.
             port: 0 takes any that is free.
+            origins: sites ("https://motion.example.org") whose pages may connect besides this server's own.
 
         Raises:
             InputError: no models, or an address that cannot be had: what, value, rule.
@@ -57,6 +62,7 @@ class App:
         self.workers = Workers()
         self._panels: dict[int, Panel] = {}
         self.server = _Server(host=host, port=port, label="motionary", verbose=False)
+        self.server.origins = tuple(origin.rstrip("/").lower() for origin in origins)
         self.server._websock_server.on_client_connect(self.server.turn_away)
         if port and self.server.get_port() != port:  # viser takes the next one where another program was faster
             self.close()
@@ -96,9 +102,9 @@ class App:
             print(f"warning: {error}", file=sys.stderr)
 
 
-def serve(models: str, device: str, host: str, port: int) -> None:
+def serve(models: str, device: str, host: str, port: int, origins: Sequence[str] = ()) -> None:
     """Serves until interrupted; see :class:`App`."""
-    app = App(models, device, host, port)
+    app = App(models, device, host, port, origins)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # as Ctrl-C: the workers end too
     print(f"motionary is at {app.url} (stop with Ctrl-C)", flush=True)
     try:
@@ -136,14 +142,14 @@ def systems_with(dictionary: Dictionary, opener: str) -> tuple[str, ...]:
     return tuple(sorted(found, key=lambda name: (name not in (GENERATOR, CAPTIONER), name)))
 
 
-def is_same_site(headers: Mapping[str, str]) -> bool:
-    """Whether a connection was opened by the page that this server sent, or by no browser.
+def is_same_site(headers: Mapping[str, str], origins: Sequence[str] = ()) -> bool:
+    """Whether a connection was opened by the page that this server sent, by one of `origins`, or by no browser.
 
     Browsers let any page open a WebSocket to any address, this machine's own among them, and name the page's site in
     Origin.
     """
-    origin = headers.get("Origin")
-    return origin is None or urlsplit(origin).netloc.lower() == headers.get("Host", "").lower()
+    origin = headers.get("Origin", "").lower()
+    return not origin or origin in origins or urlsplit(origin).netloc == headers.get("Host", "").lower()
 
 
 def limit_uploads(client: viser.ClientHandle) -> None:
