@@ -228,6 +228,7 @@ def test_differences_are_paired_by_seed(shipped, tmp_path):
     assert "| main: inverse_alignment | 0, 1, 2 |" in text
     assert "BLEU-4, captioned" in text
     assert "transformer-0" in summary["missing"]
+    assert "Not run yet: control_updates (0, 2), transformer (0, 1, 2), " in text
     assert "main-0" not in summary["missing"]
 
 

@@ -14,7 +14,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +120,7 @@ def write_results(root: Path, study: Study) -> str:
     found = comparisons(study, runs)
     text = "\n".join(table.markdown() for table in study_tables(study, runs, found))
     if missing:
-        text += f"\nNot run yet: {', '.join(missing)}.\n"
+        text += f"\nNot run yet: {', '.join(_grouped(e for e in study.experiments if e not in done))}.\n"
     experiments = {
         e.name: {
             "why": e.why,
@@ -137,6 +137,14 @@ def write_results(root: Path, study: Study) -> str:
         temporary.write_text(content, encoding="utf-8")
         os.replace(temporary, folder / name)
     return text
+
+
+def _grouped(experiments: Iterable[Experiment]) -> list[str]:
+    """Each entry once, with its values in brackets."""
+    values: dict[str, list[str]] = {}
+    for e in experiments:
+        values.setdefault(e.entry, []).extend([] if e.value is None else [str(e.value)])
+    return [f"{entry} ({', '.join(found)})" if found else entry for entry, found in values.items()]
 
 
 def _chosen(study: Study, only: str | None) -> list[Experiment]:
