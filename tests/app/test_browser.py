@@ -152,7 +152,7 @@ def test_a_prompt_is_seen_moving_and_its_files_are_read(visit, tmp_path):
     first = picture(page)
     until(page, lambda: changed(first, picture(page)) > 30, "a movement")
     if "APP_PICTURE" in os.environ:
-        page.wait_for_timeout(15_000)  # notes about the browser have gone
+        until(page, lambda: letters(page) > 30, "the title above the figure")
         page.screenshot(path=os.environ["APP_PICTURE"])
     page.get_by_role("checkbox").first.uncheck(force=True)
     until(page, lambda: still(page), "a figure that stands still when told to")

@@ -138,7 +138,8 @@ def study_tables(study: Study, runs: Runs, found: Sequence[Mapping[str, Any]]) -
         _means("Real motions and the evaluator", note, study, runs, with_parts(_REAL, "Real R@3"), "Real R@1", True),
         _means("Tokens", note, study, runs, _CODES, "Codes used", True),
         _means("Stylization of held-out combinations", note, study, runs, _STYLED, _STYLED[0]),
-        _differences(found, with_parts((*_COMPARED, *_STYLED), "R@3")),
+        _differences("Paired differences", found, with_parts(_COMPARED, "R@3")),
+        _differences("Paired differences of stylization", found, _STYLED),
     ]
     return [table for table in tables if table.rows]
 
@@ -173,9 +174,10 @@ def _mean(values: Sequence[Measure | None]) -> str:
     return show({"mean": found.mean, "half": found.half})
 
 
-def _differences(found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:
+def _differences(title: str, found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:
+    """A row for each pair that has any of these metrics."""
     note = "First minus second with the same seed: mean and 95% interval by Student's t over the seeds."
-    pairs = dict.fromkeys((row["of"], row["minus"]) for row in found)
+    pairs = dict.fromkeys((row["of"], row["minus"]) for row in found if row["metric"] in names)
     rows = []
     for of, minus in pairs:
         of_pair = {row["metric"]: row for row in found if (row["of"], row["minus"]) == (of, minus)}
@@ -183,4 +185,4 @@ def _differences(found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Ta
         rows.append([f"{of} - {minus}", str(runs), *(show(of_pair.get(name)) for name in names)])
     kept = [i for i in range(2 + len(names)) if i < 2 or any(row[i] != NONE for row in rows)]
     columns = ["difference", "pairs", *names]
-    return Table("Paired differences", [columns[i] for i in kept], [[r[i] for i in kept] for r in rows], note)
+    return Table(title, [columns[i] for i in kept], [[r[i] for i in kept] for r in rows], note)
