@@ -29,6 +29,7 @@ from motionary.corpus.demo import demo_clip
 
 PATIENCE = 240_000  # milliseconds: the machine may be busy with other things
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+BLOCK = 5  # pixels along a side; FIGURE is whole blocks
 FIGURE = {"x": 320, "y": 130, "width": 340, "height": 500}  # of the page: where motions stand, no controls
 
 
@@ -36,7 +37,7 @@ FIGURE = {"x": 320, "y": 130, "width": 340, "height": 500}  # of the page: where
 def url(pipeline, tmp_path_factory):
     models = os.environ.get("APP_MODELS")
     if models is None:
-        models = shutil.copytree(pipeline / "models", tmp_path_factory.mktemp("app") / "models")
+        models = shutil.copytree(pipeline, tmp_path_factory.mktemp("app") / "project") / "models"
         add_stylizers(pipeline, models)
     command = [sys.executable, "-m", "motionary.cli", "app", "--port", "0", "--models", str(models), "--device", "cpu"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -86,6 +87,12 @@ def changed(a: np.ndarray, b: np.ndarray) -> int:
     return int((np.abs(a - b).max(-1) > 25).sum())
 
 
+def alike(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether nothing has moved. By the means of blocks: the page draws coarser while the machine is busy."""
+    blocks = (a - b).reshape(len(a) // BLOCK, BLOCK, -1, BLOCK, 3).mean((1, 3))
+    return bool(np.abs(blocks).max() < 20)
+
+
 def until(page: Page, holds: Callable[[], bool], what: str) -> None:
     """Waits as long as a busy machine may need."""
     for _ in range(200):
@@ -100,6 +107,17 @@ def still(page: Page) -> bool:
     before = picture(page)
     page.wait_for_timeout(500)
     return changed(before, picture(page)) == 0
+
+
+def settled(page: Page) -> np.ndarray:
+    """The picture once it has not changed for two seconds: what was asked has arrived and been drawn."""
+    seen = picture(page)
+    for _ in range(100):
+        page.wait_for_timeout(2000)
+        last, seen = seen, picture(page)
+        if changed(last, seen) == 0:
+            return seen
+    pytest.fail("the picture never comes to rest")
 
 
 def generate(page: Page, text: str) -> None:
@@ -140,7 +158,7 @@ def choose(page: Page, label: str, value: str) -> None:
 
 def letters(page: Page) -> int:
     """Pixels as dark as writing, which neither figures nor the floor are."""
-    return int((picture(page).max(-1) < 70).sum())
+    return int((picture(page).max(-1) < 100).sum())
 
 
 def test_a_prompt_is_seen_moving_and_its_files_are_read(visit, tmp_path):
@@ -200,35 +218,35 @@ def test_visitors_do_not_see_each_other_and_uploads_are_checked(visit, tmp_path)
 
 def test_playback_obeys(visit):
     page = visit()
-    until(page, lambda: still(page), "a page at rest")
+    settled(page)
     assert letters(page) == 0
     generate(page, "a person waves with the left hand")
     until(page, lambda: letters(page) > 30, "the prompt above the figure")
 
     put(page, "Time", 0.4)  # the scrubber stops where it is put
-    until(page, lambda: still(page) and not page.get_by_role("checkbox").first.is_checked(), "a stop")
+    until(page, lambda: not page.get_by_role("checkbox").first.is_checked(), "a stop")
+    early = settled(page)
     assert float(control(page, "Time").input_value()) == 0.4
-    early = picture(page)
     put(page, "Time", 0.0)
-    until(page, lambda: changed(early, picture(page)) > 20, "another pose")
+    assert changed(early, settled(page)) > 20, "another pose"
     put(page, "Time", 0.4)
-    until(page, lambda: changed(early, picture(page)) == 0, "the same pose again")
+    assert alike(early, settled(page)), "the same pose again"
 
     choose(page, "Look", "mannequin")
-    until(page, lambda: changed(early, picture(page)) > 300 and still(page), "a mannequin")
-    mannequin = picture(page)
+    until(page, lambda: changed(early, picture(page)) > 300, "a mannequin")
+    mannequin = settled(page)
     put(page, "Time", 0.0)
-    until(page, lambda: changed(mannequin, picture(page)) > 20, "the mannequin in another pose")
+    assert changed(mannequin, settled(page)) > 20, "the mannequin in another pose"
     put(page, "Time", 0.4)
-    until(page, lambda: changed(mannequin, picture(page)) == 0, "the mannequin's same pose again")
+    assert alike(mannequin, settled(page)), "the mannequin's same pose again"
 
     page.mouse.move(400, 300)
     page.mouse.down()
     page.mouse.move(500, 360, steps=5)
     page.mouse.up()
-    until(page, lambda: changed(mannequin, picture(page)) > 300 and still(page), "another side")
+    assert changed(mannequin, settled(page)) > 300, "another side"
     page.get_by_role("button", name="Reset the camera").click()
-    until(page, lambda: changed(mannequin, picture(page)) < 50, "the side of the beginning")
+    assert alike(mannequin, settled(page)), "the side of the beginning"
 
     put(page, "Speed", 0.1)
     put(page, "Time", 0.0)
