@@ -174,7 +174,8 @@ class Panel:
             seconds = float(self._clock.value)
             if self.player.playing:
                 playing.value = self.player.playing = False
-                self._clock.value = seconds - _NUDGE  # shown anew: the clock's last report may come after the visitor
+                # Shown anew: the clock's last report may reach the page after the visitor's own.
+                self._clock.value = abs(seconds - _NUDGE)
             self.player.seek(seconds)
 
         self._clock.on_update(seek)

@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from motionary.evaluation.items import Items, sentence_of
-from motionary.evaluation.oracle import confirmed
+from motionary.evaluation.oracle import confirmed, fitted_oracle
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
 from motionary.metrics.distribution import multimodality
@@ -129,8 +129,8 @@ def _prompts(generator, items: Items, protocol: Protocol, seed: int) -> dict[str
     """The oracle's own prompts about side, direction and speed, several motions each."""
     prompts = [prompt for prompt in PROMPTS for _ in range(protocol.prompt_samples)]
     generated = _generate(generator, annotate([p.text for p in prompts]), seed + 17, protocol, "prompts")
-    motions = items.motions(generated)
-    verdicts = [holds(read(m, items.thresholds), p.claims) for m, p in zip(motions, prompts, strict=True)]
+    thresholds, motions = fitted_oracle(items.corpus), items.motions(generated)
+    verdicts = [holds(read(m, thresholds), p.claims) for m, p in zip(motions, prompts, strict=True)]
     each = np.reshape(verdicts, (-1, protocol.prompt_samples)).mean(1)
     by_prompt = {prompt.text: round(float(share), 3) for prompt, share in zip(PROMPTS, each, strict=True)}
     return {"confirmed": round(float(each.mean()), 4), "samples": len(prompts), "each": by_prompt}

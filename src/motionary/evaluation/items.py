@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
-from motionary.evaluation.oracle import fitted_oracle
 from motionary.language import Sentence
-from motionary.metrics.oracle.thresholds import Thresholds
 from motionary.motion import Motion
 
 
@@ -36,11 +33,6 @@ class Items:
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    @cached_property
-    def thresholds(self) -> Thresholds:
-        """The oracle's cuts for this corpus."""
-        return fitted_oracle(self.corpus)
 
     def motions(self, features: Sequence[np.ndarray]) -> list[Motion]:
         """Raw features (T, D) as motions of the corpus's skeleton and rate."""

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from motionary.corpus.store import Corpus
+from motionary.evaluation.items import Items
 from motionary.language import Sentence
 from motionary.metrics.oracle.fitting import fit_thresholds
 from motionary.metrics.oracle.prompts import confirm
 from motionary.metrics.oracle.thresholds import Thresholds
 
-if TYPE_CHECKING:
-    from motionary.evaluation.items import Items
 
-
+@lru_cache(maxsize=1)
 def fitted_oracle(corpus: Corpus, most: int = 800) -> Thresholds:
     """The oracle's cuts, fixed on (at most `most`) unmirrored training windows and one caption of each."""
     rows = corpus.rows("train", captioned=True)
@@ -40,8 +40,8 @@ def confirmed(
     Returns:
         {part: {"confirmed", "checked"}}.
     """
-    pairs = zip(items.motions(features), sentences, strict=True)
-    verdicts = [confirm(motion, sentence.text, items.thresholds) for motion, sentence in pairs]
+    thresholds, pairs = fitted_oracle(items.corpus), zip(items.motions(features), sentences, strict=True)
+    verdicts = [confirm(motion, sentence.text, thresholds) for motion, sentence in pairs]
     known = np.array([v is not None for v in verdicts])
     right = np.array([bool(v) for v in verdicts])
     out = {}

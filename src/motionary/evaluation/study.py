@@ -14,7 +14,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -116,11 +116,11 @@ def write_results(root: Path, study: Study) -> str:
     """Writes reports/study/table.md and study.json of what is done so far; returns the tables as Markdown."""
     done = [e for e in study.experiments if is_done(root, e)]
     runs = {e.name: {s: measured(root / FOLDER / e.name, s) for s in e.systems} for e in done}
-    missing = [e.name for e in study.experiments if e not in done]
+    missing = [e for e in study.experiments if e not in done]
     found = comparisons(study, runs)
     text = "\n".join(table.markdown() for table in study_tables(study, runs, found))
     if missing:
-        text += f"\nNot run yet: {', '.join(_grouped(e for e in study.experiments if e not in done))}.\n"
+        text += f"\nNot run yet: {', '.join(_grouped(missing))}.\n"
     experiments = {
         e.name: {
             "why": e.why,
@@ -131,7 +131,7 @@ def write_results(root: Path, study: Study) -> str:
     }
     folder = root / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    summary = {"experiments": experiments, "differences": found, "missing": missing}
+    summary = {"experiments": experiments, "differences": found, "missing": [e.name for e in missing]}
     for name, content in (("table.md", text), ("study.json", json.dumps(summary, indent=1) + "\n")):
         temporary = folder / f".{name}.{os.getpid()}"
         temporary.write_text(content, encoding="utf-8")
@@ -139,7 +139,7 @@ def write_results(root: Path, study: Study) -> str:
     return text
 
 
-def _grouped(experiments: Iterable[Experiment]) -> list[str]:
+def _grouped(experiments: Sequence[Experiment]) -> list[str]:
     """Each entry once, with its values in brackets."""
     values: dict[str, list[str]] = {}
     for e in experiments:
