@@ -7,6 +7,7 @@ import sys
 import pytest
 import yaml
 
+from motionary.corpus.config import DataConfig
 from motionary.errors import InputError
 from motionary.models.tokenizer import TokenizerConfig
 from motionary.training.params import differences, write_params
@@ -35,8 +36,17 @@ def test_every_scale_has_the_same_keys(repository, tmp_path, scale):
 
 
 def test_a_data_root_reaches_params(repository, tmp_path):
-    values = composed(repository, tmp_path, "data=folder", "data.roots=[../a,/b]")
-    assert values["data"]["roots"] == ["../a", "/b"]
+    values = composed(repository, tmp_path, "data=folder", "data.roots=[../a,/b,mocap/c]")
+    assert values["data"]["roots"] == ["../a", "/b", "mocap/c"]
+    assert values["source"]["roots"] == [str(repository.parent / "a"), "/b", "mocap/c"]
+
+
+@pytest.mark.parametrize("roots", ["data.roots=7", "data.roots=../a", "data.roots=[1]"])
+def test_bad_roots_are_left_to_the_check_that_names_them(repository, tmp_path, roots):
+    values = composed(repository, tmp_path, "data=folder", roots)
+    assert values["source"]["roots"] == values["data"]["roots"]
+    with pytest.raises(InputError, match=r"data\.roots"):
+        DataConfig.from_mapping(values["data"])
 
 
 def test_banned_names(repository, tmp_path):

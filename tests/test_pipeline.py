@@ -42,7 +42,7 @@ class Project:
         self.env |= {"GIT_COMMITTER_NAME": "t", "GIT_COMMITTER_EMAIL": "t@example.org"}
         self.run("git", "init", "-q")
         self.run("git", "add", "-f", "data/sources/.gitignore")
-        overrides = ["scale=micro", "data=folder", f"data.roots=[{self.clips}]", "data.ratios=[0.6,0.2,0.2]"]
+        overrides = ["scale=micro", "data=folder", "data.roots=[../clips]", "data.ratios=[0.6,0.2,0.2]"]
         overrides += ["threads=1", "data.workers=1"]
         self.overrides = overrides
         self.run(sys.executable, "-m", "motionary.training.params", "write", *overrides)

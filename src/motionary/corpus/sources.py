@@ -174,8 +174,7 @@ def open_sources(config: DataConfig, base: str | Path = ".") -> list[Source]:
 def checked_root(path: Path) -> Path:
     """An existing folder with something in it."""
     if not path.is_dir():
-        rule = "data root must be an existing folder (queued experiments need absolute or DVC-tracked roots)"
-        raise InputError(path, "missing" if not path.exists() else "a file", rule)
+        raise InputError(path, "missing" if not path.exists() else "a file", "data root must be an existing folder")
     if not any(path.iterdir()):
         raise InputError(path, "empty", "data root must hold motions")
     return path

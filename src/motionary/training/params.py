@@ -17,7 +17,7 @@ def write_params(root: Path, target: Path, overrides: Sequence[str] = ()) -> Non
     from dvc.utils.hydra import compose_and_dump
 
     root = root.resolve()
-    compose_and_dump(target, str(root / "conf"), None, "config", str(root), list(overrides))
+    compose_and_dump(target, str(root / "conf"), None, "config", str(root / "src"), list(overrides))
 
 
 def differences(root: Path) -> dict[str, tuple[Any, Any]]:
