@@ -3,6 +3,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+JOBS ?= 2
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
@@ -23,7 +24,7 @@ $(VENV)/.installed: requirements.lock pyproject.toml
 
 repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus, unless changed)
 	@python -m motionary.training.params diff
-	@dvc repro
+	@python -m motionary.training.repro --jobs $(JOBS)
 	@python -m motionary.report.summary
 
 test: setup  ## all tests
