@@ -46,7 +46,7 @@ def test_every_override_composes_and_changes_what_it_names(repository, shipped):
         json.dumps(config, allow_nan=False)
 
 
-def test_what_the_issue_asks_for_is_there(repository, shipped):
+def test_what_a_paper_would_add_is_there(repository, shipped):
     def values(entry, key):
         configs = [compose(repository, e.overrides) for e in of_entry(shipped, entry)]
         section, _, name = key.rpartition(".")

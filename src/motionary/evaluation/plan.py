@@ -123,13 +123,12 @@ def compose(root: Path, overrides: Sequence[str]) -> dict[str, Any]:
 
 
 def _roots_override(root: Path, roots: Sequence[str]) -> list[str]:
-    """Absolute: a temporary copy of the project does not find what lies beside the project."""
-    found = [(root / folder).resolve() for folder in roots]
-    for folder in found:
-        if not folder.is_dir():
-            raise InputError("roots", folder, "must be a folder of motions; give your own with --roots")
-    quoted = ",".join(f"'{folder}'" for folder in found)
-    return [f"data.roots=[{quoted}]"] if found else []
+    """The roots as given: conf/ makes them findable from the temporary copies in which experiments run."""
+    for folder in roots:
+        if not (root / folder).is_dir():
+            raise InputError("roots", root / folder, "must be a folder of motions; give your own with --roots")
+    quoted = ",".join(f"'{folder}'" for folder in roots)
+    return [f"data.roots=[{quoted}]"] if roots else []
 
 
 def _variants(entry: Mapping[str, Any]) -> list[tuple[str | None, Any]]:
