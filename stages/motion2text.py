@@ -1,13 +1,17 @@
 """Trains the captioner, motion tokens to words (TM2T 3.2)."""
 
 from _project import ROOT  # isort: skip
+from typing import cast
+
 import hydra
 
 from motionary.corpus.batches import Pairs, TokenStore
 from motionary.corpus.store import Corpus
-from motionary.models.io import save_model
+from motionary.evaluation.tokens import shifted_tokens
+from motionary.models.io import load_model, save_model
 from motionary.models.layers import seeded
 from motionary.models.motion2text import build
+from motionary.models.tokenizer import Tokenizer
 from motionary.training.run import last_losses, train
 from motionary.training.stage import Stage, run_stage
 
@@ -24,7 +28,9 @@ def main(config):
         with seeded(stage.seed):
             model = build(stage.model(), corpus.context, tokenizer.parent)
         raw = not model.config.tokens
-        data = Pairs(corpus, "train", tokens, motion=raw, **stage.data)
+        shifts = stage.data["shifts"]
+        stores = None if raw else shifted_tokens(corpus, tokens, cast(Tokenizer, load_model(tokenizer)), shifts)
+        data = Pairs(corpus, "train", stores, motion=raw, **stage.data)
         validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw)
 
         history = train(stage, model, data, validation, settings, length_sorted=True)

@@ -85,7 +85,7 @@ def test_division_loses_no_key(repository):
     section = yaml.safe_load((repository / "params.yaml").read_text())["tokenizer"]
     model, settings = divide(section, TokenizerConfig, "tokenizer")
     assert isinstance(settings, TrainSettings)
-    kept = {**vars(model), **vars(settings), "window": section["window"]}
+    kept = {**vars(model), **vars(settings), "window": section["window"], "balance": section["balance"]}
     assert {key: kept[key] for key in section} == section
 
 

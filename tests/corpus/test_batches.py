@@ -147,20 +147,45 @@ def test_ranks_share_the_global_batches(corpus):
         assert len(a) == len(b)
 
 
-def test_weights_draw_a_root_more_often_and_keep_the_epoch(corpus, monkeypatch):
-    plain = Pairs(corpus, "train")
+@pytest.mark.parametrize(("balance", "expected"), [(0.0, 0.25), (0.5, 1 / (1 + 3**0.5)), (1.0, 0.5)])
+def test_balance_draws_a_small_root_more_often_and_keeps_the_epoch(corpus, monkeypatch, balance, expected):
+    rows = Pairs(corpus, "train").rows
     group = corpus.clips.group.copy()
-    group[plain.rows[: len(plain) // 4]] = "rare"
+    group[rows[: len(rows) // 4]] = "rare"
     monkeypatch.setattr(corpus, "clips", type(corpus.clips)(**vars(corpus.clips) | {"group": group}))
-    data = Pairs(corpus, "train", weights={"rare": 6.0})
+    data = Pairs(corpus, "train", balance=balance)
     batches = Batches(data, 8, seed=0)
     drawn = np.concatenate([np.concatenate(batches.order(epoch)) for epoch in range(100)])
     assert len(drawn) == 100 * len(data)
-    share = (group[data.rows[drawn]] == "rare").mean()
-    quarter = len(plain) // 4
-    assert abs(share - 6 * quarter / (6 * quarter + len(plain) - quarter)) < 0.03
-    with pytest.raises(InputError, match="nobody"):
-        Pairs(corpus, "train", weights={"nobody": 2.0})
+    assert abs((group[data.rows[drawn]] == "rare").mean() - expected) < 0.03
+
+
+def test_shifted_motion_and_tokens_belong_together(corpus):
+    unit = corpus.context.unit
+    stores = [
+        TokenStore.collect([[1000 * shift + i for i in range((n - shift) // unit)] for n in corpus.clips.length])
+        for shift in range(unit)
+    ]
+    data = Pairs(corpus, "train", stores, shifts=unit, drop_unit=0.5)
+    seen = set()
+    for batch in Batches(data, 4, seed=3).epoch(0):
+        assert (batch.frames == batch.token_count * unit).all()
+        for row, motion, frames, tokens in zip(
+            batch.clip.tolist(), batch.motion.numpy(), batch.frames.tolist(), batch.tokens.tolist(), strict=True
+        ):
+            shift, first = divmod(tokens[0], 1000)
+            seen.add((shift, first))
+            assert tokens[: frames // unit] == [1000 * shift + first + i for i in range(frames // unit)]
+            start = shift + first * unit
+            np.testing.assert_array_equal(motion[:frames], corpus.features(row)[start : start + frames])
+    assert {shift for shift, _ in seen} == set(range(unit))
+    assert {first for _, first in seen} == {0, 1}
+
+
+def test_one_shift_draws_as_without(corpus, tokens):
+    one = next(Batches(Pairs(corpus, "train", tokens), 8, seed=1).epoch(0))
+    other = next(Batches(Pairs(corpus, "train", [tokens], shifts=1), 8, seed=1).epoch(0))
+    assert same(one, other)
 
 
 def test_drop_last_keeps_the_only_batch(corpus):
@@ -191,3 +216,9 @@ def test_bad_arguments_say_so(corpus, tokens):
         Pairs(corpus, "train", TokenStore.collect([np.arange(3)]))
     with pytest.raises(InputError, match="drop_unit"):
         Pairs(corpus, "train", drop_unit=1.5)
+    with pytest.raises(InputError, match=r"balance: 1\.5"):
+        Windows(corpus, "train", balance=1.5)
+    with pytest.raises(InputError, match=r"shifts: 5: .*1\.\.4"):
+        Pairs(corpus, "train", shifts=5)
+    with pytest.raises(InputError, match="tokens: 1 stores"):
+        Pairs(corpus, "train", tokens, shifts=2)

@@ -17,7 +17,7 @@ import yaml
 from motionary.errors import InputError
 from motionary.evaluation import study as runner
 from motionary.evaluation.comparison import comparisons, measured, study_tables
-from motionary.evaluation.plan import compose, read_study, scoring_stage
+from motionary.evaluation.plan import compose, read_study, scoring_stage, sections_read
 
 # The project's own study ------------------------------------------------------------------------------------------
 
@@ -185,6 +185,18 @@ def test_done_means_the_same_configuration(shipped, tmp_path):
     (tmp_path / runner.FOLDER / second.name).mkdir()
     assert not runner.is_done(tmp_path, second), "a folder without a record is a killed one"
     assert not runner.is_done(tmp_path, replace(first, key=second.key)), "another configuration, other results"
+
+
+def test_results_hang_on_what_their_stages_read(repository):
+    assert sections_read(repository, ["motion2text"]) == sorted(
+        ["data", "language", "autoencoder", "evaluator", "retrieval", "tokenizer", "motion2text", "evaluation", "seed"]
+    )
+    by_vae = set(sections_read(repository, ["text2motion"]))
+    assert {"text2motion", "text2length", "autoencoder", "evaluator", "data"} <= by_vae
+    assert not by_vae & {"tokenizer", "motion2text", "stylization", "source", "device"}
+    assert not set(sections_read(repository, ["style_evaluation"])) & {"evaluator", "tokenizer"}
+    both = sections_read(repository, ["motion2text", "text2motion"])
+    assert both == sorted(by_vae | set(sections_read(repository, ["motion2text"])))
 
 
 def test_nothing_half_collected_stays(shipped, tmp_path):

@@ -17,7 +17,8 @@ from motionary.language import END, PAD, START
 from motionary.models.consensus import consensus
 from motionary.models.io import load_model, save_model
 from motionary.models.layers import seeded
-from motionary.models.motion2text import Captioner, Motion2Text, Motion2TextConfig
+from motionary.models.motion2text import Captioner, Motion2Text, Motion2TextConfig, build
+from motionary.models.tokenizer import Tokenizer, TokenizerConfig
 
 CODES, DIM = 12, 263
 
@@ -199,3 +200,23 @@ def test_one_batch_is_learned_by_heart(context, tokens, tmp_path):
     found = beam_search(again, again.start(source, mask), torch.full((6,), START), END, 2, 1, 8)
     for row, hypotheses in enumerate(found):
         assert hypotheses[0].tokens == batch.words[row, 1 : batch.word_count[row] - 1].tolist()
+
+
+@pytest.mark.parametrize("code_dim", [6, 48])
+def test_embeddings_may_start_as_the_codebook(context, tmp_path, code_dim):
+    with seeded(3):
+        tokenizer = Tokenizer(TokenizerConfig(codes=200, code_dim=code_dim, width=16, fine_width=16), context)
+        tokenizer.quantizer.codebook.normal_()
+    save_model(tmp_path / "tokenizer", "tokenizer", tokenizer, context)
+    settings = {"width": 256, "heads": 4, "layers": 1, "feed_forward": 8}
+    with seeded(1):
+        started = build({**settings, "start_from_codebook": True}, context, tmp_path)
+    with seeded(1):
+        plain = build(settings, context, tmp_path)
+    codes = started.source.weight[:200].detach()
+    assert abs(codes.std().item() - 1) < 1e-3
+    # A random projection to many dimensions keeps distances, up to scale.
+    near = torch.corrcoef(torch.stack([torch.pdist(codes), torch.pdist(tokenizer.quantizer.codebook)]))[0, 1]
+    assert near > 0.7
+    assert torch.equal(started.source.weight[200:], plain.source.weight[200:])
+    assert torch.equal(started.words.weight, plain.words.weight)

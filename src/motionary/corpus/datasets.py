@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -26,7 +26,8 @@ class Windows:
         split: "train", "val" or "test".
         window: frames.
         random: random starts; by default only in training.
-        group_weights: root name -> how much more often its clips are drawn (with replacement; epochs keep length).
+        balance: how much more often clips of small roots are drawn (with replacement; epochs keep length): a root's
+            share is proportional to its size to the power of 1 - balance. 0 draws every entry once, 1 every root alike.
     """
 
     def __init__(
@@ -37,7 +38,7 @@ class Windows:
         *,
         random: bool | None = None,
         uniform: bool = False,
-        group_weights: Mapping[str, float] | None = None,
+        balance: float = 0.0,
     ):
         if window < 1:
             raise InputError("window", window, "must be at least 1 frame")
@@ -51,7 +52,7 @@ class Windows:
         spare = np.maximum(corpus.clips.length[self.rows] - window, 0)
         self.starts = spare * nth // np.maximum(np.repeat(copies, copies) - 1, 1)
         self.lengths = np.minimum(corpus.clips.length[self.rows], window)
-        self.weights = _weights(corpus, self.rows, group_weights)
+        self.weights = _weights(corpus, self.rows, balance)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -72,10 +73,12 @@ class Pairs:
 
     Args:
         split: "train", "val" or "test".
-        tokens: adds the motion tokens of each window.
+        tokens: adds the motion tokens of each window; several stores hold those of the windows from their first,
+            second, ... frame on, of which a draw takes one (the first where not `random`).
         drop_unit: in this share of the draws one unit (4 frames, 1 token) is dropped from head or tail; only where
             `random`.
-        weights: root name -> how much more often its clips are drawn (with replacement; epochs keep length).
+        balance: as for :class:`Windows`.
+        shifts: motion starts at one of the first `shifts` frames where `random`; with `tokens`, one store for each.
         all_captions: one entry per caption in place of one per clip.
         random: draw the caption (and the dropped unit) at random; by default only in training without
             `all_captions`. Otherwise an entry is a clip's first caption.
@@ -88,9 +91,10 @@ class Pairs:
         self,
         corpus: Corpus,
         split: str = "train",
-        tokens: TokenStore | None = None,
+        tokens: TokenStore | Sequence[TokenStore] | None = None,
         drop_unit: float = 1 / 3,
-        weights: Mapping[str, float] | None = None,
+        balance: float = 0.0,
+        shifts: int = 1,
         all_captions: bool = False,
         *,
         random: bool | None = None,
@@ -98,11 +102,18 @@ class Pairs:
         motion: bool = True,
         mirrored: bool = True,
     ):
-        if tokens is not None and len(tokens) != len(corpus):
-            raise InputError("tokens", len(tokens), f"must have one entry per window of the corpus, {len(corpus)}")
+        stores = () if tokens is None else (tokens,) if isinstance(tokens, TokenStore) else tuple(tokens)
+        for store in stores:
+            if len(store) != len(corpus):
+                raise InputError("tokens", len(store), f"must have one entry per window of the corpus, {len(corpus)}")
+        if not 1 <= shifts <= corpus.context.unit:
+            raise InputError("shifts", shifts, f"must lie in 1..{corpus.context.unit}")
+        if stores and len(stores) != shifts:
+            raise InputError("tokens", f"{len(stores)} stores", f"must be one for each of {shifts} shifts")
         if not 0 <= drop_unit <= 1:
             raise InputError("drop_unit", drop_unit, "must lie in 0..1")
-        self.corpus, self.tokens, self.drop_unit, self.with_motion = corpus, tokens, drop_unit, motion
+        self.corpus, self.drop_unit, self.shifts, self.with_motion = corpus, drop_unit, shifts, motion
+        self.tokens = _flat(stores) if stores else None
         self.random = (split == "train" and not all_captions) if random is None else random
         rows = _rows(corpus, split, True)
         if not mirrored:
@@ -114,7 +125,7 @@ class Pairs:
             last = first + 1
         self.rows, self.first, self.last = rows, first, last
         self.lengths = corpus.clips.length[rows]
-        self.weights = _weights(corpus, rows, weights)
+        self.weights = _weights(corpus, rows, balance)
         self.words, self.tags, self.word_count = _encode(corpus, max_words)
 
     def __len__(self) -> int:
@@ -124,9 +135,13 @@ class Pairs:
         """Batch of the given entries with every field set (motion and tokens where asked for)."""
         rows, caption = self.rows[indices], self.first[indices]
         count, start = self.corpus.clips.length[rows], np.zeros(len(rows), dtype=np.int64)
-        unit = self.corpus.context.unit
+        unit, shift = self.corpus.context.unit, np.zeros(len(rows), dtype=np.int64)
         if self.random:
             caption = rng.integers(self.first[indices], self.last[indices])
+            if self.shifts > 1:
+                # What is left is whole units, as many for the motion as for its tokens.
+                shift = np.where(count >= 2 * unit, rng.integers(0, self.shifts, len(rows)), 0)
+                count = np.where(shift > 0, (count - shift) // unit * unit, count)
             drop = (rng.random(len(rows)) < self.drop_unit) & (count > unit)
             start = np.where(drop & (rng.random(len(rows)) < 0.5), unit, 0)
             count = count - unit * drop
@@ -142,11 +157,11 @@ class Pairs:
             **_labels(self.corpus, rows),
         )
         if self.with_motion:
-            offset = self.corpus.clips.offset[rows] + start
+            offset = self.corpus.clips.offset[rows] + shift + start
             batch.motion = torch.from_numpy(gather(self.corpus.frames, offset, count, int(count.max())))
         if self.tokens is not None:
-            offset = self.tokens.offsets[rows] + start // unit
-            tokens = gather(self.tokens.tokens, offset, count // unit, int(count.max()) // unit)
+            flat, offsets = self.tokens
+            tokens = gather(flat, offsets[shift, rows] + start // unit, count // unit, int(count.max()) // unit)
             batch.tokens, batch.token_count = _long(tokens), _long(count // unit)
         return batch
 
@@ -159,17 +174,21 @@ def _rows(corpus: Corpus, split: str, captioned: bool | None) -> np.ndarray:
     return rows
 
 
-def _weights(corpus: Corpus, rows: np.ndarray, groups: Mapping[str, float] | None) -> np.ndarray | None:
+def _flat(stores: Sequence[TokenStore]) -> tuple[np.ndarray, np.ndarray]:
+    """The tokens of all stores one after the other, and where each store's windows start (stores, clips)."""
+    before = np.cumsum([0, *(len(store.tokens) for store in stores[:-1])])
+    offsets = np.stack([store.offsets[:-1] + start for store, start in zip(stores, before, strict=True)])
+    return np.concatenate([store.tokens for store in stores]), offsets
+
+
+def _weights(corpus: Corpus, rows: np.ndarray, balance: float) -> np.ndarray | None:
     """(entries,) draw probabilities, or None for every entry once."""
-    if not groups:
+    if not 0 <= balance <= 1:
+        raise InputError("balance", balance, "must lie in 0..1")
+    groups, place, count = np.unique(corpus.clips.group[rows], return_inverse=True, return_counts=True)
+    if not balance or len(groups) < 2:
         return None
-    known = set(np.unique(corpus.clips.group))
-    for name, value in groups.items():
-        if name not in known:
-            raise InputError("group_weights", name, f"must name one of the roots {', '.join(sorted(known))}")
-        if not value > 0:
-            raise InputError(f"group_weights.{name}", value, "must be positive")
-    weights = np.array([groups.get(group, 1.0) for group in corpus.clips.group[rows]], dtype=np.float64)
+    weights = count[place].astype(np.float64) ** -balance
     return weights / weights.sum()
 
 

@@ -15,7 +15,6 @@ from motionary.errors import InputError
 from motionary.training.workspace import values_hash
 
 _KEYS = {"why", "set", "vary", "times", "systems"}
-_IRRELEVANT = ("device", "threads", "report", "source")  # change no number of a report
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,8 @@ class Experiment:
         why: what the entry is for.
         overrides: as behind ``dvc exp run -S``.
         systems: to evaluate, or stages that score on their own; only what these need is run.
-        key: hash of the whole composed configuration and the systems: results of another key are out of date.
+        key: hash of the systems and of what their stages, and all before them, read of the configuration: results of
+            another key are out of date.
     """
 
     name: str
@@ -150,11 +150,38 @@ def _experiment(root: Path, base: list[str], name: str, entry: Mapping[str, Any]
     if not set(listed) <= set(config["evaluation"]["systems"]):
         config["evaluation"]["systems"] = listed
         overrides.append(f"evaluation.systems=[{','.join(listed)}]")
-    config = {k: v for k, v in config.items() if k not in _IRRELEVANT}
+    read = {section: config[section] for section in sections_read(root, systems)}
     full = name if key is None else f"{name}-{value}"
     return Experiment(
-        full, name, value, entry.get("why", ""), tuple(overrides), systems, values_hash([config, sorted(systems)])
+        full, name, value, entry.get("why", ""), tuple(overrides), systems, values_hash([read, sorted(systems)])
     )
+
+
+def sections_read(root: Path, systems: Sequence[str]) -> list[str]:
+    """Sections of the configuration that the stages which score `systems` read, and all stages before them, by
+    dvc.yaml. `source` is not among them: where a clip lies changes no number."""
+    stages = {
+        name: stage.get("do", stage)
+        for name, stage in yaml.safe_load((root / "dvc.yaml").read_text())["stages"].items()
+    }
+    writers = {out: name for name, stage in stages.items() for out in map(_path, stage.get("outs", []))}
+    sections: set[str] = set()
+    seen: set[tuple[str, str]] = set()
+    waiting = [tuple(scoring_stage(system).partition("@")[::2]) for system in systems]
+    while waiting:
+        name, item = waiting.pop()
+        if (name, item) in seen:
+            continue
+        seen.add((name, item))
+        sections |= {key.split(".")[0] for key in stages[name].get("params", [])}
+        needed = [path.replace("${item}", item) for path in stages[name].get("deps", [])]
+        waiting += [(writers[path], "") for path in needed if path in writers]
+    return sorted(sections - {"source"})
+
+
+def _path(out: str | Mapping[str, Any]) -> str:
+    """The path of an entry of `outs`, which may carry settings."""
+    return out if isinstance(out, str) else next(iter(out))
 
 
 def _place(config: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:

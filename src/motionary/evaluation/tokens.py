@@ -1,4 +1,4 @@
-"""The motion tokens themselves: how the codebook is used, and what its entries look like (TM2T Fig. 3 and 9)."""
+"""The motion tokens themselves: of shifted windows, how the codebook is used, what it looks like (Fig. 3 and 9)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,36 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
+from motionary.corpus.store import Corpus
+from motionary.corpus.tokens import TokenStore
+from motionary.evaluation.positions import Reconstructor
+from motionary.models.tokenizer import Tokenizer
+
+
+def shifted_tokens(corpus: Corpus, tokens: TokenStore, tokenizer: Tokenizer, shifts: int) -> list[TokenStore]:
+    """The tokens of training windows from their first, second, ... frame on, for `Pairs`.
+
+    A token stands for four frames; which four is chance, and one clip read from four starts gives four sentences.
+
+    Args:
+        tokens: of the windows from their first frame on.
+        tokenizer: that wrote them.
+        shifts: starts, at least 1.
+
+    Returns:
+        `shifts` stores; beyond the first, windows of other splits and those of less than two tokens are empty.
+    """
+    unit = corpus.context.unit
+    rows = [row for row in corpus.rows("train") if corpus.clips.length[row] >= 2 * unit]
+    stores = [tokens]
+    for shift in range(1, shifts):
+        codes = [np.zeros(0, dtype=np.int64)] * len(corpus)
+        windows = [corpus.features(row)[shift:] for row in rows]
+        for row, sequence in zip(rows, Reconstructor(tokenizer).encode(windows, f"shift {shift}"), strict=True):
+            codes[row] = sequence
+        stores.append(TokenStore.collect(codes))
+    return stores
 
 
 def code_usage(codes: Sequence[np.ndarray], count: int) -> dict[str, float]:

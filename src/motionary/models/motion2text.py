@@ -36,6 +36,8 @@ class Motion2TextConfig:
         dropout: on embeddings and branches.
         label_smoothing: share of the target's probability spread over all words (0 in the paper).
         token_dropout: share of motion tokens hidden from the encoder while training (0 in the paper).
+        start_from_codebook: token embeddings start as the tokenizer's codebook, codes of like motion alike (False in
+            the paper: at random).
         most_words: longest caption.
         consensus: draws per motion, of which that one is the caption which agrees best with all (minimum Bayes risk);
             0 is beam search alone (the paper's).
@@ -50,6 +52,7 @@ class Motion2TextConfig:
     dropout: float = 0.1
     label_smoothing: float = 0.0
     token_dropout: float = 0.0
+    start_from_codebook: bool = False
     most_words: int = 30
     consensus: int = 0
 
@@ -164,9 +167,20 @@ MODEL, CONFIG = Motion2Text, Motion2TextConfig
 
 def build(settings: Mapping[str, Any], context: Context, models: Path) -> Motion2Text:
     """A fresh model for the tokenizer in `models/tokenizer`; `settings` are the remaining keys of the config."""
-    return Motion2Text(
-        Motion2TextConfig(codes=read_record(models / "tokenizer")["config"]["codes"], **settings), context
-    )
+    codes = read_record(models / "tokenizer")["config"]["codes"]
+    model = Motion2Text(Motion2TextConfig(codes=codes, **settings), context)
+    if model.config.tokens and model.config.start_from_codebook:
+        tokenizer = cast(Tokenizer, load_sibling(models, "tokenizer"))
+        _start_from(model.source.weight, tokenizer.quantizer.codebook)
+    return model
+
+
+@torch.no_grad()
+def _start_from(embedding: Tensor, codebook: Tensor) -> None:
+    """The first K of the embeddings (K + 3, width) become a random projection of the codebook (K, d), at unit scale."""
+    centred = codebook - codebook.mean(0)
+    projected = centred @ torch.randn(codebook.shape[1], embedding.shape[1])
+    embedding[: len(codebook)] = projected / projected.std()
 
 
 class Captioner:

@@ -11,7 +11,7 @@ from motionary.errors import InputError
 T = TypeVar("T")
 
 # Keys of a stage's section that say how its training data is drawn (arguments of corpus.batches and corpus.labeled).
-DATA_KEYS = ("window", "drop_unit", "group_weights", "balance")
+DATA_KEYS = ("window", "drop_unit", "shifts", "balance")
 
 
 @dataclass(frozen=True)
