@@ -18,7 +18,8 @@ from motionary.report.build import build_report
 from motionary.report.players import make_examples
 
 SYSTEMS = ("inverse_alignment", "motion2text", "retrieval", "tokenizer")
-ROWS = {"real", *SYSTEMS, "inverse_alignment with real lengths"}  # only that one holds a length
+CONSENSUS = "motion2text by consensus of 40 draws"
+ROWS = {"real", *SYSTEMS, "inverse_alignment with real lengths", CONSENSUS}  # only one takes a length, one draws
 
 
 def test_examples_show_what_each_system_offers(pipeline):
@@ -71,6 +72,7 @@ def test_evaluated_systems_become_a_page_with_players(project):
     page, numbers = build_report(project, examples=2)
     check_page(page)
     assert set(numbers) == ROWS
+    assert numbers[CONSENSUS].keys() == numbers["motion2text"].keys()
     for metric in ("r1", "r3", "fid", "mm_dist", "diversity", "multimodality", "foot_skating"):
         assert isinstance(numbers["inverse_alignment"][metric], float)
 

@@ -14,47 +14,62 @@ from motionary.language import Sentence, annotate
 from motionary.metrics.language import caption_scores
 from motionary.models.judge import Judge
 
+CONSENSUS = 40  # draws, of which one becomes the caption
+
 
 def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protocol) -> dict[str, Any]:
     """Report of a motion-to-text system.
 
+    Captions come from a beam search of size 2 (TM2T 4.3). Where the captioner can draw, "consensus" scores those by
+    consensus of its draws besides: with many wordings of one meaning the likeliest one is seldom the one that agrees
+    best with the references.
+
     Args:
-        captioner: offers ``caption(features, beams) -> list of lists of texts`` (normalized words).
+        captioner: offers ``caption(features, beams) -> list of lists of texts`` (normalized words); with a true
+            attribute `draws` also ``caption(features, beams, seeds=, consensus=)``.
         items: captioned test windows.
         judge: the evaluator.
         protocol: repetitions and sizes.
 
     Returns:
         "language": for each part the scores against the normalized captions, and against the raw ones under "raw";
-        "motion2text" and "real": R-precision and distances of generated and of real captions; "action": share of
-        captions that name the action that the reference names; "examples".
+        "motion2text": R-precision and distances of the captions; "action": share of captions that name the action
+        that the reference names; the same three under "consensus"; "real": R-precision and distances of real captions;
+        "examples".
     """
-    captions = caption_all(captioner, items, protocol)
-    sentences = annotate(captions)
     references = [[" ".join(s.words) for s in options] for options in items.references]
     raw = [[s.text for s in options] for options in items.references]
-    chosen = items.choose(0)
-    parts = items.parts(chosen)
-    real_text = judge.sentences([options[0] for options in items.references])
+    parts = items.parts(items.choose(0))
     features = judge.motions(items.features)
-    text = judge.sentences(sentences)
-    language = {}
-    for name, where in parts.items():
-        picked = [captions[i] for i in where]
-        language[name] = {
-            "items": len(where),
-            **_rounded(caption_scores(picked, [references[i] for i in where], bert=protocol.bert_score)),
-            "raw": _rounded(caption_scores(picked, [raw[i] for i in where], bert=False)),
-        }
-    return {
-        "language": language,
-        "motion2text": _retrieval(judged_parts([(text, features, parts)], features, protocol)),
+
+    def scores(captions: list[str]) -> dict[str, Any]:
+        """What is reported of captions, one for each item."""
+        sentences = annotate(captions)
+        language = {}
+        for name, where in parts.items():
+            picked = [captions[i] for i in where]
+            language[name] = {
+                "items": len(where),
+                **_rounded(caption_scores(picked, [references[i] for i in where], bert=protocol.bert_score)),
+                "raw": _rounded(caption_scores(picked, [raw[i] for i in where], bert=False)),
+            }
+        judged = judged_parts([(judge.sentences(sentences), features, parts)], features, protocol)
+        action = {name: named_action(sentences, items, where) for name, where in parts.items()}
+        return {"language": language, "motion2text": _retrieval(judged), "action": action}
+
+    captions = caption_all(captioner, items, protocol)
+    real_text = judge.sentences([options[0] for options in items.references])
+    report = {
+        **scores(captions),
         "real": _retrieval(judged_parts([(real_text, features, parts)], features, protocol)),
-        "action": {name: named_action(sentences, items, where) for name, where in parts.items()},
         "examples": [
             {"caption": captions[i], "references": raw[i]} for i in np.linspace(0, len(items) - 1, 12).astype(int)
         ],
     }
+    if getattr(captioner, "draws", False):
+        agreed = caption_all(captioner, items, protocol, CONSENSUS)
+        report["consensus"] = {"draws": CONSENSUS, **scores(agreed)}
+    return report
 
 
 def _retrieval(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -64,11 +79,16 @@ def _retrieval(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     }
 
 
-def caption_all(captioner: Any, items: Items, protocol: Protocol) -> list[str]:
-    """The best caption of every item."""
+def caption_all(captioner: Any, items: Items, protocol: Protocol, consensus: int = 0) -> list[str]:
+    """The best caption of every item: of beam search, or by consensus of this many draws."""
     out: list[str] = []
-    for start in tqdm(range(0, len(items), protocol.batch_size), desc="caption", unit="batch"):
-        out += [texts[0] for texts in captioner.caption(items.features[start : start + protocol.batch_size], beams=2)]
+    for start in tqdm(
+        range(0, len(items), protocol.batch_size), desc="consensus" if consensus else "caption", unit="batch"
+    ):
+        features = items.features[start : start + protocol.batch_size]
+        # Each item has its own noise: the luck of the draws must not fall on all of them alike.
+        drawn = {"consensus": consensus, "seeds": range(start, start + len(features))} if consensus else {}
+        out += [texts[0] for texts in captioner.caption(features, beams=2, **drawn)]
     return out
 
 

@@ -29,7 +29,8 @@ Runs = Mapping[str, Mapping[str, Mapping[str, Measure]]]  # experiment -> system
 _REAL = ("Real R@1", "Real R@3")
 _HELD = ("Real lengths R@3", "Real lengths FID")
 _GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_HELD, "Oracle", "Caption NLL")
-_CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3")
+_CONSENSUS = ("Consensus BLEU-4", "Consensus R@3")
+_CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3", *_CONSENSUS)
 _CODES = ("Local MPJPE (mm)", "Codes used")
 _STYLED = tuple(
     f"{way}: {heading}"
@@ -37,7 +38,7 @@ _STYLED = tuple(
     for heading, key in SCORED
     if key in ("style_accuracy", "content_accuracy", "content_fid", "geodesic", "diversity")
 )  # as in thesis Table 5.6
-_COMPARED = ("R@1", "R@3", "FID", *_HELD, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3")
+_COMPARED = ("R@1", "R@3", "FID", *_HELD, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3", *_CONSENSUS)
 
 
 def measured(folder: Path, system: str) -> dict[str, Measure]:
@@ -57,6 +58,7 @@ def measured(folder: Path, system: str) -> dict[str, Measure]:
         (("text2motion",), "", ("r1", "r2", "r3", "fid", "fid_real_halves")),
         (("real_lengths", "text2motion"), "Real lengths ", ("r3", "fid")),
         (("motion2text",), "Caption ", ("r3",)),
+        (("consensus", "motion2text"), "Consensus ", ("r3",)),
         (("real",), "Real ", ("r1", "r3")),
     ):
         for part in at(scored, *keys) or {}:
@@ -65,6 +67,7 @@ def measured(folder: Path, system: str) -> dict[str, Measure]:
     for part in at(scored, "language") or {}:
         values[_named("BLEU-4", part)] = at(scored, "language", part, "bleu4")
         values[_named("BLEU-4 raw", part)] = at(scored, "language", part, "raw", "bleu4")
+        values[_named("Consensus BLEU-4", part)] = at(scored, "consensus", "language", part, "bleu4")
     for row, found in (at(own, "stylization", HELD_OUT, "rows") or {}).items():
         for heading, key in SCORED:
             values[f"{row}: {heading}"] = at(found, key)

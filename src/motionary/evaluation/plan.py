@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -157,31 +158,46 @@ def _experiment(root: Path, base: list[str], name: str, entry: Mapping[str, Any]
     )
 
 
+def stages_before(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[Mapping[str, Any]]:
+    """The stages that score `systems` and every stage that they need, those needed first.
+
+    Args:
+        pipeline: contents of dvc.yaml.
+        systems: names of evaluated systems, or of stages that score on their own.
+    """
+    stages = {name: stage.get("do", stage) for name, stage in pipeline["stages"].items()}
+    template = json.dumps(stages.pop("evaluation"))
+    for system in systems:
+        if scoring_stage(system) != system:
+            stages[scoring_stage(system)] = json.loads(template.replace("${item}", system))
+    writer = {out: name for name, stage in stages.items() for out in paths_of(stage, "outs", "metrics")}
+    order: list[str] = []
+
+    def visit(name: str) -> None:
+        """Puts what a stage needs before it."""
+        for path in paths_of(stages[name], "deps"):
+            if path in writer:
+                visit(writer[path])
+        if name not in order:
+            order.append(name)
+
+    for system in systems:
+        visit(scoring_stage(system))
+    return [stages[name] for name in order]
+
+
+def paths_of(stage: Mapping[str, Any], *kinds: str) -> list[str]:
+    """The paths of a stage of dvc.yaml that are listed as deps, outs or metrics, with or without settings."""
+    entries = [entry for kind in kinds for entry in stage.get(kind, [])]
+    return [entry if isinstance(entry, str) else next(iter(entry)) for entry in entries]
+
+
 def sections_read(root: Path, systems: Sequence[str]) -> list[str]:
-    """Sections of the configuration that the stages which score `systems` read, and all stages before them, by
-    dvc.yaml. `source` is not among them: where a clip lies changes no number."""
-    stages = {
-        name: stage.get("do", stage)
-        for name, stage in yaml.safe_load((root / "dvc.yaml").read_text())["stages"].items()
-    }
-    writers = {out: name for name, stage in stages.items() for out in map(_path, stage.get("outs", []))}
-    sections: set[str] = set()
-    seen: set[tuple[str, str]] = set()
-    waiting = [tuple(scoring_stage(system).partition("@")[::2]) for system in systems]
-    while waiting:
-        name, item = waiting.pop()
-        if (name, item) in seen:
-            continue
-        seen.add((name, item))
-        sections |= {key.split(".")[0] for key in stages[name].get("params", [])}
-        needed = [path.replace("${item}", item) for path in stages[name].get("deps", [])]
-        waiting += [(writers[path], "") for path in needed if path in writers]
-    return sorted(sections - {"source"})
-
-
-def _path(out: str | Mapping[str, Any]) -> str:
-    """The path of an entry of `outs`, which may carry settings."""
-    return out if isinstance(out, str) else next(iter(out))
+    """Sections of the configuration that scoring `systems`, and all before it, reads. Not `source`: where a clip lies
+    changes no number."""
+    pipeline = yaml.safe_load((root / "dvc.yaml").read_text(encoding="utf-8"))
+    keys = {key for stage in stages_before(pipeline, systems) for key in stage.get("params", [])}
+    return sorted({key.split(".")[0] for key in keys} - {"source"})
 
 
 def _place(config: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:

@@ -22,43 +22,14 @@ import yaml
 
 from motionary.errors import InputError
 from motionary.evaluation.comparison import comparisons, measured, study_tables
-from motionary.evaluation.plan import Experiment, Study, read_study, scoring_stage
+from motionary.evaluation.plan import Experiment, Study, paths_of, read_study, stages_before
 
 FOLDER, RECORD = Path("reports/study"), "experiment.json"
 
 
 def needed_reports(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[str]:
-    """The metrics files that evaluating `systems` writes, upstream stages first.
-
-    Args:
-        pipeline: contents of dvc.yaml.
-        systems: names of evaluated systems, or of stages that score on their own.
-    """
-    stages = dict(pipeline["stages"])
-    template = stages.pop("evaluation")["do"]
-    for system in systems:
-        text = json.dumps(template).replace("${item}", system)
-        if scoring_stage(system) != system:
-            stages[scoring_stage(system)] = json.loads(text)
-    writer = {out: name for name, stage in stages.items() for out in _paths(stage, "outs", "metrics")}
-    order: list[str] = []
-
-    def visit(name: str) -> None:
-        """Puts what a stage needs before it."""
-        for path in _paths(stages[name], "deps"):
-            if path in writer:
-                visit(writer[path])
-        if name not in order:
-            order.append(name)
-
-    for system in systems:
-        visit(scoring_stage(system))
-    return [path for name in order for path in _paths(stages[name], "metrics")]
-
-
-def _paths(stage: Mapping[str, Any], *kinds: str) -> list[str]:
-    entries = [entry for kind in kinds for entry in stage.get(kind, [])]
-    return [entry if isinstance(entry, str) else next(iter(entry)) for entry in entries]
+    """The metrics files that evaluating `systems` writes, upstream stages first (arguments of `stages_before`)."""
+    return [path for stage in stages_before(pipeline, systems) for path in paths_of(stage, "metrics")]
 
 
 def is_done(root: Path, experiment: Experiment) -> bool:

@@ -186,6 +186,8 @@ def _start_from(embedding: Tensor, codebook: Tensor) -> None:
 class Captioner:
     """Captions motions with a trained :class:`Motion2Text`. Results never depend on the other motions of the call."""
 
+    draws = True  # can choose a caption by consensus of draws
+
     def __init__(self, model: Motion2Text, tokenizer: Tokenizer | None, chunk: int = 64):
         self.model, self.tokenizer, self.chunk = model.eval(), tokenizer, chunk
         self.context = model.context

@@ -65,7 +65,7 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
 
 def motion_to_text(results: Results, part: str = "all") -> Table | None:
     """Captions against the references, and judged with the motions they describe."""
-    systems = {n: r for n, r in results.having("language").items() if part in r["language"]}
+    systems = {n: r for n, r in _with_consensus(results.having("language")).items() if part in r["language"]}
     if not systems:
         return None
     first = next(iter(systems.values()))
@@ -167,7 +167,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         if value is not None:
             out.setdefault(name, {})[metric] = value
 
-    for name, report in _with_real_lengths(results.systems).items():
+    for name, report in _with_consensus(_with_real_lengths(results.systems)).items():
         for key in ("text2motion", "reconstruction"):
             for _, metric in JUDGED:
                 put("real", metric, at(report, "real", "all", metric) if key in report else None)
@@ -201,6 +201,16 @@ def _with_real_lengths(systems: Mapping[str, dict[str, Any]]) -> dict[str, dict[
         out[name] = report
         if "real_lengths" in report:
             out[f"{name} with real lengths"] = report["real_lengths"]
+    return out
+
+
+def _with_consensus(systems: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Each report, then as a row of its own the same system's captions by consensus of draws."""
+    out = {}
+    for name, report in systems.items():
+        out[name] = report
+        if "consensus" in report:
+            out[f"{name} by consensus of {report['consensus']['draws']} draws"] = report["consensus"]
     return out
 
 
