@@ -131,7 +131,8 @@ def test_a_failed_stage_ends_the_run_and_the_next_goes_on(project, capfd):
     assert (project / "d").exists()
 
 
-def test_a_stopped_run_leaves_no_process_behind(project):
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_stopped_run_leaves_no_process_behind(project, sent, code):
     (project / "seconds").write_text("600")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     process = subprocess.Popen([sys.executable, "-m", "motionary.training.repro"], env=environment)
@@ -140,8 +141,8 @@ def test_a_stopped_run_leaves_no_process_behind(project):
         assert time.monotonic() < deadline
         assert process.poll() is None
         time.sleep(0.2)
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(timeout=60) == 143
+    process.send_signal(sent)
+    assert process.wait(timeout=60) == code
     assert log(project) == ["start a", "stopped a"]
     assert not (project / "a").exists()
 

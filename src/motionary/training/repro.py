@@ -127,7 +127,7 @@ def repro(root: Path, jobs: int) -> list[str]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """The command line; exit code 1 where a stage failed."""
+    """The command line; exit code 1 where a stage failed, 2 for a bad argument, 130 or 143 where it was stopped."""
     parser = argparse.ArgumentParser(
         prog="python -m motionary.training.repro", description="dvc repro with independent stages side by side"
     )
@@ -143,7 +143,11 @@ def main(arguments: Sequence[str]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the stages end too
-    failed = repro(Path.cwd(), options.jobs)
+    try:
+        failed = repro(Path.cwd(), options.jobs)
+    except KeyboardInterrupt:
+        print("stopped; run this again to go on where it was", file=sys.stderr)
+        return 130
     if failed:
         print(f"error: {', '.join(failed)} failed; see above, then run this again: what is done stays", file=sys.stderr)
     return 1 if failed else 0
