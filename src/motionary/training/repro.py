@@ -19,7 +19,7 @@ from typing import Protocol
 
 from motionary.errors import InputError
 
-_POLL = 0.2  # seconds
+_POLL, _GRACE = 0.2, 60.0  # seconds between two looks at the stages, and for a stopped one to end by itself
 
 
 class Process(Protocol):
@@ -112,8 +112,13 @@ class Runner:
         for process in self.processes:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGINT)
+        deadline = time.monotonic() + _GRACE
         for process in self.processes:
-            process.wait()
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
 
 
 def repro(root: Path, jobs: int) -> list[str]:
