@@ -92,6 +92,18 @@ def test_caption_gives_as_many_as_asked(d, walk):
     assert drawn[0] == drawn[1] != drawn[2]
 
 
+def test_captions_by_consensus_come_from_the_search_or_the_draws(d, walk):
+    agreed = d.caption(walk, n=2, beams=2, consensus=6, seed=1)
+    assert agreed == d.caption(walk, n=2, beams=2, consensus=6, seed=1)
+    assert len(set(agreed)) == 2
+    possible = {*d.caption(walk, n=2, beams=2), *d.caption(walk, n=6, temperature=1.0, seed=1)}
+    assert set(agreed) <= possible
+    assert d.caption(walk, consensus=0) == d.caption(walk)
+    for wrong in ({"consensus": -1}, {"consensus": 3, "temperature": 1.0}):
+        with pytest.raises(InputError, match="consensus"):
+            d.caption(walk, **wrong)
+
+
 def test_any_rate_gives_the_same_features(d, walk):
     context = d.context("motion2text")
     fine = demo_clip(3, fps=60.0)[0]

@@ -112,6 +112,7 @@ class Dictionary:
         system: str = CAPTIONER,
         seed: int = 0,
         temperature: float | None = None,
+        consensus: int | None = None,
     ) -> list[Any]:
         """Sentences that describe a motion, as normalized words.
 
@@ -121,6 +122,8 @@ class Dictionary:
             beams: of the beam search; at least n are kept.
             system: the motion-to-text system that answers.
             seed, temperature: with a temperature, captions are drawn and not searched.
+            consensus: choose the captions that agree best with this many draws (40 are plenty, at some twenty times the
+                cost); 0 searches only, None does what the model was configured for.
 
         Returns:
             n captions; for several motions a list of n captions for each.
@@ -131,9 +134,15 @@ class Dictionary:
         several = listed(motions, Motion, "motions")
         for name, value, least in (("n", n, 1), ("beams", beams, 1), ("seed", seed, 0)):
             check_whole(name, value, least)
+        if consensus is not None:
+            check_whole("consensus", consensus, 0)
+            if consensus and temperature is not None:
+                raise InputError(
+                    "consensus", consensus, "chooses among draws at temperature 1; leave `temperature` out"
+                )
         captioner, context = self._open(system, "open_captioner"), self.context(system)
         features = [encode(motion, context) for motion in several]
-        drawn = {} if temperature is None else {"seeds": [seed] * len(features), "temperature": temperature}
+        drawn = {"seeds": [seed] * len(features), "temperature": temperature, "consensus": consensus}
         with self._lock:
             found = captioner.caption(features, beams=max(beams, n), n=n, **drawn)
         return found[0] if isinstance(motions, Motion) else found
