@@ -147,6 +147,12 @@ def test_a_stopped_run_leaves_no_process_behind(project, sent, code):
     assert not (project / "a").exists()
 
 
+def test_a_pipeline_that_dvc_cannot_read_is_one_line(project, capsys):
+    (project / "dvc.yaml").write_text("stages: {a: {cmd: x, nonsense: 1}}\n")
+    assert main([]) == 2
+    assert "dvc.yaml' validation failed" in capsys.readouterr().err
+
+
 def test_bad_arguments(project, capsys, monkeypatch, tmp_path_factory):
     assert main(["--jobs", "0"]) == 2
     assert "error: --jobs: 0: must be at least 1" in capsys.readouterr().err

@@ -133,6 +133,8 @@ def repro(root: Path, jobs: int) -> list[str]:
 
 def main(arguments: Sequence[str]) -> int:
     """The command line; exit code 1 where a stage failed, 2 for a bad argument, 130 or 143 where it was stopped."""
+    from dvc.exceptions import DvcException
+
     parser = argparse.ArgumentParser(
         prog="python -m motionary.training.repro", description="dvc repro with independent stages side by side"
     )
@@ -150,6 +152,9 @@ def main(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the stages end too
     try:
         failed = repro(Path.cwd(), options.jobs)
+    except DvcException as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("stopped; run this again to go on where it was", file=sys.stderr)
         return 130
