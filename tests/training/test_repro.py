@@ -135,7 +135,12 @@ def test_a_failed_stage_ends_the_run_and_the_next_goes_on(project, capfd):
 def test_a_stopped_run_leaves_no_process_behind(project, sent, code):
     (project / "seconds").write_text("600")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    process = subprocess.Popen([sys.executable, "-m", "motionary.training.repro"], env=environment)
+    # As a shell starts what it runs in the background.
+    ignoring = (
+        "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); os.execv(sys.argv[1], sys.argv[1:])"
+    )
+    command = [sys.executable, "-c", ignoring, sys.executable, "-m", "motionary.training.repro"]
+    process = subprocess.Popen(command, env=environment)
     deadline = time.monotonic() + 300
     while log(project) != ["start a"]:
         assert time.monotonic() < deadline

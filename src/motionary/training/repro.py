@@ -149,7 +149,11 @@ def main(arguments: Sequence[str]) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the stages end too
+    handlers = {
+        signal.SIGTERM: lambda *_: sys.exit(143),  # so that the stages end too
+        signal.SIGINT: signal.default_int_handler,  # a shell in the background ignores it, and so would the stages
+    }
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         failed = repro(Path.cwd(), options.jobs)
     except DvcException as error:
@@ -158,6 +162,9 @@ def main(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         print("stopped; run this again to go on where it was", file=sys.stderr)
         return 130
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
     if failed:
         print(f"error: {', '.join(failed)} failed; see above, then run this again: what is done stays", file=sys.stderr)
     return 1 if failed else 0
