@@ -3,7 +3,6 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-JOBS ?= 2
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
@@ -24,7 +23,7 @@ $(VENV)/.installed: requirements.lock pyproject.toml
 
 repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus, unless changed)
 	@python -m motionary.training.params diff
-	@python -m motionary.training.repro --jobs $(JOBS)
+	@python -m motionary.training.repro $(if $(JOBS),--jobs $(JOBS))
 	@python -m motionary.report.summary
 
 test: setup  ## all tests

@@ -52,7 +52,9 @@ def _caption_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("-n", type=_count, default=1, help="captions of each, best first (1)")
     add.add_argument("--beams", type=_count, default=2, help="of the search (2)")
     add.add_argument("--temperature", type=float, help="draw captions at this temperature, not the likeliest")
-    add.add_argument("--consensus", type=_count, help="choose those that agree best with this many draws (slower)")
+    add.add_argument(
+        "--consensus", type=_count, default=0, help="choose those that agree best with this many draws (slower)"
+    )
     add.add_argument("--system", default="motion2text", help="which system answers (%(default)s)")
     add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
     _cut_arguments(add)

@@ -85,8 +85,8 @@ def caption(options: argparse.Namespace) -> None:
 
     given = {} if options.fps is None else {"fps": options.fps}
     motions = [_cut(read_motion(path, **given), options) for path in options.files]
-    dictionary, drawn = _load(options), (options.seed, options.temperature, options.consensus)
-    found = dictionary.caption(motions, options.n, options.beams, options.system, *drawn)
+    names = ("n", "beams", "system", "seed", "temperature", "consensus")
+    found = _load(options).caption(motions, **{name: getattr(options, name) for name in names})
     several = len(found) > 1
     lines = [
         f"{path}\t{text}" if several else text

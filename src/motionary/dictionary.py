@@ -112,7 +112,7 @@ class Dictionary:
         system: str = CAPTIONER,
         seed: int = 0,
         temperature: float | None = None,
-        consensus: int | None = None,
+        consensus: int = 0,
     ) -> list[Any]:
         """Sentences that describe a motion, as normalized words.
 
@@ -122,8 +122,7 @@ class Dictionary:
             beams: of the beam search; at least n are kept.
             system: the motion-to-text system that answers.
             seed, temperature: with a temperature, captions are drawn and not searched.
-            consensus: choose the captions that agree best with this many draws (40 are plenty, at some twenty times the
-                cost); 0 searches only, None does what the model was configured for.
+            consensus: choose the captions that agree best with this many draws, which takes longer; 0 searches only.
 
         Returns:
             n captions; for several motions a list of n captions for each.
@@ -132,14 +131,10 @@ class Dictionary:
             InputError: a motion that is too short or on an unknown rig, a value out of range, a missing system.
         """
         several = listed(motions, Motion, "motions")
-        for name, value, least in (("n", n, 1), ("beams", beams, 1), ("seed", seed, 0)):
+        for name, value, least in (("n", n, 1), ("beams", beams, 1), ("seed", seed, 0), ("consensus", consensus, 0)):
             check_whole(name, value, least)
-        if consensus is not None:
-            check_whole("consensus", consensus, 0)
-            if consensus and temperature is not None:
-                raise InputError(
-                    "consensus", consensus, "chooses among draws at temperature 1; leave `temperature` out"
-                )
+        if consensus and temperature is not None:
+            raise InputError("consensus", consensus, "draws at temperature 1; leave `temperature` out")
         captioner, context = self._open(system, "open_captioner"), self.context(system)
         features = [encode(motion, context) for motion in several]
         drawn = {"seeds": [seed] * len(features), "temperature": temperature, "consensus": consensus}

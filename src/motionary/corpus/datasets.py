@@ -26,8 +26,8 @@ class Windows:
         split: "train", "val" or "test".
         window: frames.
         random: random starts; by default only in training.
-        balance: how much more often clips of small roots are drawn (with replacement; epochs keep length): a root's
-            share is proportional to its size to the power of 1 - balance. 0 draws every entry once, 1 every root alike.
+        balance: how much more often clips of small roots are drawn (with replacement; epochs keep length): see
+            :func:`balanced`.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Windows:
         spare = np.maximum(corpus.clips.length[self.rows] - window, 0)
         self.starts = spare * nth // np.maximum(np.repeat(copies, copies) - 1, 1)
         self.lengths = np.minimum(corpus.clips.length[self.rows], window)
-        self.weights = _weights(corpus, self.rows, balance)
+        self.weights = balanced(corpus.clips.group[self.rows], balance)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -125,7 +125,7 @@ class Pairs:
             last = first + 1
         self.rows, self.first, self.last = rows, first, last
         self.lengths = corpus.clips.length[rows]
-        self.weights = _weights(corpus, rows, balance)
+        self.weights = balanced(corpus.clips.group[rows], balance)
         self.words, self.tags, self.word_count = _encode(corpus, max_words)
 
     def __len__(self) -> int:
@@ -181,12 +181,15 @@ def _flat(stores: Sequence[TokenStore]) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([store.tokens for store in stores]), offsets
 
 
-def _weights(corpus: Corpus, rows: np.ndarray, balance: float) -> np.ndarray | None:
-    """(entries,) draw probabilities, or None for every entry once."""
+def balanced(groups: np.ndarray, balance: float) -> np.ndarray | None:
+    """(entries,) draw probabilities by the group of each entry, or None for every entry once.
+
+    A group's share is proportional to its size to the power of 1 - balance: 0 draws every entry alike, 1 every group.
+    """
     if not 0 <= balance <= 1:
         raise InputError("balance", balance, "must lie in 0..1")
-    groups, place, count = np.unique(corpus.clips.group[rows], return_inverse=True, return_counts=True)
-    if not balance or len(groups) < 2:
+    found, place, count = np.unique(groups, return_inverse=True, return_counts=True)
+    if not balance or len(found) < 2:
         return None
     weights = count[place].astype(np.float64) ** -balance
     return weights / weights.sum()

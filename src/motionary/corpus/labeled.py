@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from motionary.corpus.batch import Batch
-from motionary.corpus.datasets import gather
+from motionary.corpus.datasets import balanced, gather
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 
@@ -19,8 +19,8 @@ class Labeled:
         rows: of the corpus.
         window: frames; longer windows of the corpus give a stretch of this many, shorter ones come whole.
         random: draw the stretch anew each time; otherwise it is the middle one.
-        balance: how much rarer (style, action) combinations are drawn more often: a combination's share is
-            proportional to its count to the power of 1 - balance. 0 draws every window alike, 1 every combination.
+        balance: how much more often rare combinations of style and action are drawn: see
+            :func:`motionary.corpus.datasets.balanced`.
     """
 
     def __init__(
@@ -28,12 +28,11 @@ class Labeled:
     ) -> None:
         if window < 1:
             raise InputError("window", window, "must be at least 1 frame")
-        if not 0 <= balance <= 1:
-            raise InputError("balance", balance, "must lie in 0..1")
         self.corpus, self.rows, self.window, self.random = corpus, np.asarray(rows), window, random
         self.lengths = np.minimum(corpus.clips.length[self.rows], window)
         self.style, self.action = corpus.style_ids[self.rows], corpus.action_ids[self.rows]
-        self.weights = _weights(self.style, self.action, balance) if balance else None
+        combinations = np.unique(np.stack([self.style, self.action], 1), axis=0, return_inverse=True)[1]
+        self.weights = balanced(combinations.reshape(-1), balance)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -49,9 +48,3 @@ class Labeled:
         motion = gather(self.corpus.frames, self.corpus.clips.offset[rows] + start, count, int(count.max()))
         labels = {"style": torch.from_numpy(self.style[entries]), "action": torch.from_numpy(self.action[entries])}
         return Batch(torch.from_numpy(rows), torch.from_numpy(motion), torch.from_numpy(count), **labels)
-
-
-def _weights(style: np.ndarray, action: np.ndarray, balance: float) -> np.ndarray:
-    _, place, count = np.unique(np.stack([style, action], 1), axis=0, return_inverse=True, return_counts=True)
-    weights = count[place.reshape(-1)].astype(np.float64) ** -balance
-    return weights / weights.sum()

@@ -98,9 +98,10 @@ def read_study(root: Path, path: Path, roots: Sequence[str] | None = None) -> St
     for entry, system in (side for pair in compare for side in pair):
         if entry not in entries or system not in entries[entry]["systems"]:
             raise InputError(f"{path}: compare", [entry, system], "must be an experiment above and one of its systems")
+    pipeline = yaml.safe_load((root / "dvc.yaml").read_text(encoding="utf-8"))
     rounds = max(len(_variants(entry)) for entry in entries.values())
     chosen = [
-        _experiment(root, base, name, entry, *_variants(entry)[number])
+        _experiment(root, pipeline, base, name, entry, *_variants(entry)[number])
         for number in range(rounds)
         for name, entry in entries.items()
         if number < len(_variants(entry))
@@ -137,7 +138,15 @@ def _variants(entry: Mapping[str, Any]) -> list[tuple[str | None, Any]]:
     return [(key, value) for key, values in entry.get("vary", {}).items() for value in values] or [(None, None)]
 
 
-def _experiment(root: Path, base: list[str], name: str, entry: Mapping[str, Any], key: str | None, value: Any):
+def _experiment(
+    root: Path,
+    pipeline: Mapping[str, Any],
+    base: list[str],
+    name: str,
+    entry: Mapping[str, Any],
+    key: str | None,
+    value: Any,
+):
     overrides = [*base, *entry.get("set", [])]
     if key is not None:
         overrides.append(f"{key}={value}")
@@ -151,7 +160,7 @@ def _experiment(root: Path, base: list[str], name: str, entry: Mapping[str, Any]
     if not set(listed) <= set(config["evaluation"]["systems"]):
         config["evaluation"]["systems"] = listed
         overrides.append(f"evaluation.systems=[{','.join(listed)}]")
-    read = {section: config[section] for section in sections_read(root, systems)}
+    read = {section: config[section] for section in sections_read(pipeline, systems)}
     full = name if key is None else f"{name}-{value}"
     return Experiment(
         full, name, value, entry.get("why", ""), tuple(overrides), systems, values_hash([read, sorted(systems)])
@@ -192,10 +201,11 @@ def paths_of(stage: Mapping[str, Any], *kinds: str) -> list[str]:
     return [entry if isinstance(entry, str) else next(iter(entry)) for entry in entries]
 
 
-def sections_read(root: Path, systems: Sequence[str]) -> list[str]:
-    """Sections of the configuration that scoring `systems`, and all before it, reads. Not `source`: where a clip lies
-    changes no number."""
-    pipeline = yaml.safe_load((root / "dvc.yaml").read_text(encoding="utf-8"))
+def sections_read(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[str]:
+    """Sections of the configuration that scoring `systems`, and all before it, reads (arguments of `stages_before`).
+
+    Not `source`: where a clip lies changes no number.
+    """
     keys = {key for stage in stages_before(pipeline, systems) for key in stage.get("params", [])}
     return sorted({key.split(".")[0] for key in keys} - {"source"})
 

@@ -1,4 +1,4 @@
-"""The motion tokens themselves: of shifted windows, how the codebook is used, what it looks like (Fig. 3 and 9)."""
+"""Motion tokens: of shifted windows, how often each is used, what each looks like (TM2T Fig. 3 and 9)."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def shifted_tokens(corpus: Corpus, tokens: TokenStore, tokenizer: Tokenizer, shi
     """
     unit = corpus.context.unit
     rows = [row for row in corpus.rows("train") if corpus.clips.length[row] >= 2 * unit]
-    stores = [tokens]
+    reader, stores = Reconstructor(tokenizer), [tokens]
     for shift in range(1, shifts):
         codes = [np.zeros(0, dtype=np.int64)] * len(corpus)
         windows = [corpus.features(row)[shift:] for row in rows]
-        for row, sequence in zip(rows, Reconstructor(tokenizer).encode(windows, f"shift {shift}"), strict=True):
+        for row, sequence in zip(rows, reader.encode(windows, f"shift {shift}"), strict=True):
             codes[row] = sequence
         stores.append(TokenStore.collect(codes))
     return stores

@@ -39,8 +39,6 @@ class Motion2TextConfig:
         start_from_codebook: token embeddings start as the tokenizer's codebook, codes of like motion alike (False in
             the paper: at random).
         most_words: longest caption.
-        consensus: draws per motion, of which that one is the caption which agrees best with all (minimum Bayes risk);
-            0 is beam search alone (the paper's).
     """
 
     codes: int
@@ -54,7 +52,6 @@ class Motion2TextConfig:
     token_dropout: float = 0.0
     start_from_codebook: bool = False
     most_words: int = 30
-    consensus: int = 0
 
 
 class Motion2Text(nn.Module):
@@ -200,7 +197,7 @@ class Captioner:
         n: int = 1,
         seeds: Sequence[int] | None = None,
         temperature: float | None = None,
-        consensus: int | None = None,
+        consensus: int = 0,
     ) -> list[list[str]]:
         """n captions for each motion.
 
@@ -210,7 +207,8 @@ class Captioner:
             n: captions per motion, best first.
             seeds: one per motion, of whatever is drawn for it (0 where not given).
             temperature: draw the captions at this temperature instead.
-            consensus: draws to choose the caption by, in place of the config's; 0 is beam search alone.
+            consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
+                search alone (the paper's).
 
         Returns:
             for each motion, its captions: normalized words joined by spaces.
@@ -223,7 +221,6 @@ class Captioner:
         if n < 1:
             raise InputError("n", n, "must be at least 1")
         seeds = [0] * len(features) if seeds is None else seeds
-        consensus = self.model.config.consensus if consensus is None else consensus
         # Similar lengths share a chunk, so little is padded.
         order = np.argsort([len(array) for array in features], kind="stable")
         draws = n if temperature is not None else consensus

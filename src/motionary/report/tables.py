@@ -25,6 +25,9 @@ WORDED = (
     ("BERTScore", "bert_score"),
 )
 
+# Parts of a report that are reports of the same system used in another way -> the name of their row.
+VARIANTS = {"real_lengths": "{name} with real lengths", "consensus": "{name} by consensus of {draws} draws"}
+
 
 def text_to_motion(results: Results, part: str = "all") -> Table | None:
     """Generated motions judged with their captions, real ones above them, reconstructed ones between."""
@@ -48,7 +51,7 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
     for name, report in decoded.items():
         captions = percent(at(report, "reconstruction_oracle", part, "confirmed"))
         rows.append(row(f"real, through {name}", report["reconstruction"][part], *([NONE] * whole), captions))
-    for name, report in _with_real_lengths(systems).items():
+    for name, report in _with_variants(systems, "real_lengths").items():
         captions = percent(at(report, "oracle", "captions", part, "confirmed"))
         more = (
             show(report.get("multimodality")),
@@ -65,7 +68,9 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
 
 def motion_to_text(results: Results, part: str = "all") -> Table | None:
     """Captions against the references, and judged with the motions they describe."""
-    systems = {n: r for n, r in _with_consensus(results.having("language")).items() if part in r["language"]}
+    systems = {
+        n: r for n, r in _with_variants(results.having("language"), "consensus").items() if part in r["language"]
+    }
     if not systems:
         return None
     first = next(iter(systems.values()))
@@ -167,7 +172,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         if value is not None:
             out.setdefault(name, {})[metric] = value
 
-    for name, report in _with_consensus(_with_real_lengths(results.systems)).items():
+    for name, report in _with_variants(results.systems, *VARIANTS).items():
         for key in ("text2motion", "reconstruction"):
             for _, metric in JUDGED:
                 put("real", metric, at(report, "real", "all", metric) if key in report else None)
@@ -194,23 +199,14 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
     return out
 
 
-def _with_real_lengths(systems: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Each report, then as a row of its own what the same system made at the real motions' lengths."""
+def _with_variants(systems: Mapping[str, dict[str, Any]], *kinds: str) -> dict[str, dict[str, Any]]:
+    """Each report, then as rows of their own those of its parts that are VARIANTS of these kinds."""
     out = {}
     for name, report in systems.items():
         out[name] = report
-        if "real_lengths" in report:
-            out[f"{name} with real lengths"] = report["real_lengths"]
-    return out
-
-
-def _with_consensus(systems: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Each report, then as a row of its own the same system's captions by consensus of draws."""
-    out = {}
-    for name, report in systems.items():
-        out[name] = report
-        if "consensus" in report:
-            out[f"{name} by consensus of {report['consensus']['draws']} draws"] = report["consensus"]
+        for kind in kinds:
+            if kind in report:
+                out[VARIANTS[kind].format(name=name, **report[kind])] = report[kind]
     return out
 
 

@@ -13,7 +13,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -131,6 +132,21 @@ def repro(root: Path, jobs: int) -> list[str]:
         return schedule(needs, start, jobs)
 
 
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """SIGINT and SIGTERM end the block, and with it the stages."""
+    handlers = {
+        signal.SIGTERM: lambda *_: sys.exit(143),
+        signal.SIGINT: signal.default_int_handler,  # a shell in the background ignores it, and so would the stages
+    }
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def main(arguments: Sequence[str]) -> int:
     """The command line; exit code 1 where a stage failed, 2 for a bad argument, 130 or 143 where it was stopped."""
     from dvc.exceptions import DvcException
@@ -146,25 +162,14 @@ def main(arguments: Sequence[str]) -> int:
             raise InputError("--jobs", options.jobs, "must be at least 1")
         if not Path("dvc.yaml").exists():
             raise InputError("dvc.yaml", "missing", "run this in the project's root")
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    handlers = {
-        signal.SIGTERM: lambda *_: sys.exit(143),  # so that the stages end too
-        signal.SIGINT: signal.default_int_handler,  # a shell in the background ignores it, and so would the stages
-    }
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
-    try:
-        failed = repro(Path.cwd(), options.jobs)
-    except DvcException as error:
+        with _stoppable():
+            failed = repro(Path.cwd(), options.jobs)
+    except (InputError, DvcException) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("stopped; run this again to go on where it was", file=sys.stderr)
         return 130
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
     if failed:
         print(f"error: {', '.join(failed)} failed; see above, then run this again: what is done stays", file=sys.stderr)
     return 1 if failed else 0
