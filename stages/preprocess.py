@@ -11,7 +11,7 @@ from motionary.training.stage import Stage, run_stage
 @run_stage
 def main(config):
     """data roots -> data/corpus (frames, tables, statistics, vocabulary, splits), reports/preprocess.json"""
-    with Stage("preprocess", config, ROOT, sections=("data", "source")) as stage:
+    with Stage("preprocess", config, ROOT, sections=("data", "source.roots")) as stage:
         data = {**stage.values["data"], "roots": stage.values["source"]["roots"]}
         report = preprocess(data, stage.workspace.target / "data" / "corpus", root=ROOT)
         stage.report(report)

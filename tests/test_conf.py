@@ -90,17 +90,21 @@ def test_division_loses_no_key(repository):
 
 
 @pytest.mark.parametrize(
-    ("override", "rule"),
+    ("stage", "override", "rule"),
     [
-        ("evaluator.dim=8", "stage tokenizer reads only"),
-        ("tokenizer.nonsense=1", "Could not override"),
-        ("tokenizer.steps=0", "tokenizer.steps: 0: must be at least 1"),
+        ("tokenizer", "evaluator.dim=8", "stage tokenizer reads only"),
+        ("tokenizer", "tokenizer.nonsense=1", "Could not override"),
+        ("tokenizer", "tokenizer.steps=0", "tokenizer.steps: 0: must be at least 1"),
+        ("tokenizer", "seed=-1", "seed: -1: must be a whole number from 0 on"),
+        ("evaluator", "seed=1", "stage evaluator reads only"),
+        ("evaluator", "evaluator.seed=x", "evaluator.seed: x: must be a whole number from 0 on"),
+        ("preprocess", "source.root=x", "stage preprocess reads only preprocess, data, source.roots,"),
     ],
 )
-def test_a_stage_refuses_what_it_does_not_read(repository, tmp_path, override, rule):
+def test_a_stage_refuses_what_it_does_not_read(repository, tmp_path, stage, override, rule):
     for name in ("conf", "stages", "src"):
         shutil.copytree(repository / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    command = [sys.executable, "stages/tokenizer.py", override]
+    command = [sys.executable, f"stages/{stage}.py", override]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode != 0
     assert rule in done.stderr

@@ -10,6 +10,9 @@ from motionary.errors import InputError
 
 T = TypeVar("T")
 
+# The key of a stage's section that stands in for the pipeline's seed.
+SEED_KEY = "seed"
+
 # Keys of a stage's section that say how its training data is drawn (arguments of corpus.batches and corpus.labeled).
 DATA_KEYS = ("window", "drop_unit", "shifts", "balance")
 
@@ -104,4 +107,4 @@ def settings_of(section: Mapping[str, Any], stage: str) -> TrainSettings:
 
 def model_keys(section: Mapping[str, Any]) -> dict[str, Any]:
     """The model's own keys of a stage's section."""
-    return {k: v for k, v in section.items() if k not in _TRAINING and k not in DATA_KEYS}
+    return {k: v for k, v in section.items() if k not in _TRAINING and k not in DATA_KEYS and k != SEED_KEY}

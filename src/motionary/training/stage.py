@@ -14,7 +14,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from motionary.errors import InputError
-from motionary.training.settings import DATA_KEYS, TrainSettings, divide, model_keys, settings_of
+from motionary.training.settings import DATA_KEYS, SEED_KEY, TrainSettings, divide, model_keys, settings_of
 from motionary.training.tracking import Tracker, numbers
 from motionary.training.workspace import Workspace, content_hash, values_hash
 
@@ -29,7 +29,7 @@ class Stage:
         name: of the stage: its section in the configuration, its MLflow experiment, its report.
         config: the composed configuration.
         root: folder of the project that holds the stage file.
-        sections: further sections of the configuration that the stage reads.
+        sections: further sections of the configuration that the stage reads, or dotted keys of them.
         label: distinguishes runs of one stage (`evaluation` of each system).
     """
 
@@ -40,12 +40,13 @@ class Stage:
         self.values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
         self.owned = (name, *sections)
         hydra = HydraConfig.get()
-        refuse_foreign_overrides(hydra.overrides.task, name, self.owned)
         sweeping = hydra.mode == RunMode.MULTIRUN
         folder = Path(hydra.runtime.output_dir)
         self.workspace = Workspace.find(root, folder)
-        self.seed = int(self.values["seed"])
         self.section: dict[str, Any] = self.values.get(name, {})
+        self.seed = self._own_seed()
+        shared = [key for key in SHARED if key != SEED_KEY or SEED_KEY not in self.section]
+        refuse_foreign_overrides(hydra.overrides.task, name, (*self.owned, *shared))
         if "steps" in self.section:
             self.training()  # a bad value is said before anything is read
         self.data = {key: self.section[key] for key in DATA_KEYS if key in self.section}
@@ -53,6 +54,18 @@ class Stage:
         self._inputs: dict[str, Path] = {}
         self._hashed: tuple[tuple[str, ...], str] | None = None
         self._tracker: Tracker | None = None
+
+    def _read(self, *further: str) -> dict[str, Any]:
+        """What the stage owns of the configuration, and `further` keys, by name; None where there is none."""
+        return {name: _at(self.values, name) for name in (*self.owned, *further)}
+
+    def _own_seed(self) -> int:
+        """The section's own seed where it has one (the judge's), else the pipeline's."""
+        own = SEED_KEY in self.section
+        seed = self.section[SEED_KEY] if own else self.values[SEED_KEY]
+        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+            raise InputError(f"{self.name}.{SEED_KEY}" if own else SEED_KEY, seed, "must be a whole number from 0 on")
+        return seed
 
     # Inputs -----------------------------------------------------------------------------------------------------
 
@@ -86,7 +99,7 @@ class Stage:
     @property
     def cache(self) -> Path:
         """Folder for checkpoints of exactly these parameters and inputs, under the real root."""
-        own = {name: self.values.get(name) for name in (*self.owned, "seed", "precision")}
+        own = self._read("precision") | {"seed": self.seed}
         key = values_hash([own, self.inputs_hash, os.environ.get("WORLD_SIZE", "1")])
         return self.workspace.home / ".cache" / self.name / key[:16]
 
@@ -97,10 +110,10 @@ class Stage:
             tags = {
                 "dvc.stage": os.environ.get("DVC_STAGE", ""),
                 "dvc.exp_name": os.environ.get("DVC_EXP_NAME", ""),
-                "hash.params": values_hash({name: self.values.get(name) for name in (*self.owned, "seed")}),
+                "hash.params": values_hash(self._read() | {"seed": self.seed}),
                 "hash.inputs": self.inputs_hash,
             }
-            params = {name: self.values.get(name) for name in (*self.owned, *SHARED)}
+            params = self._read(*SHARED)
             run_name = "-".join(part for part in (self.name, self.label, tags["dvc.exp_name"]) if part)
             resume = self.cache / "run_id.txt"
             self._tracker = Tracker(self.workspace.home, self.name, run_name, params, tags, self._sweep, resume)
@@ -139,13 +152,25 @@ class Stage:
             self._tracker.close(failed=kind is not None)
 
 
-def refuse_foreign_overrides(overrides: Sequence[str], stage: str, owned: Sequence[str]) -> None:
-    """An override of a key that the stage does not read would do nothing: InputError."""
+def _at(values: Any, key: str) -> Any:
+    """The value at a dotted key, None where there is none."""
+    for part in key.split("."):
+        values = values.get(part) if isinstance(values, Mapping) else None
+    return values
+
+
+def refuse_foreign_overrides(overrides: Sequence[str], stage: str, read: Sequence[str]) -> None:
+    """An override of a key that the stage does not read would do nothing: InputError.
+
+    Args:
+        overrides: as Hydra takes them.
+        stage: name of the stage, for the message.
+        read: sections, and dotted keys, that it reads.
+    """
     for override in overrides:
         key = override.lstrip("+~").split("=", 1)[0]
-        if key.split(".")[0] not in (*owned, *SHARED):
-            known = ", ".join((*owned, *SHARED))
-            raise InputError(key, override, f"stage {stage} reads only {known}; override it where it is used")
+        if not any(f"{key}.".startswith(f"{known}.") for known in read):
+            raise InputError(key, override, f"stage {stage} reads only {', '.join(read)}; override it where it is used")
 
 
 def run_stage(body: Callable[[DictConfig], None]) -> Callable[[DictConfig], None]:
