@@ -28,9 +28,9 @@ def main(config):
         with seeded(stage.seed):
             model = build(stage.model(), corpus.context, tokenizer.parent)
         raw = not model.config.tokens
-        shifts = stage.data["shifts"]
+        shifts = model.config.shifts
         stores = None if raw else shifted_tokens(corpus, tokens, cast(Tokenizer, load_model(tokenizer)), shifts)
-        data = Pairs(corpus, "train", stores, motion=raw, **stage.data)
+        data = Pairs(corpus, "train", stores, motion=raw, shifts=shifts, **stage.data)
         validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw)
 
         history = train(stage, model, data, validation, settings, length_sorted=True)

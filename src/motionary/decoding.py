@@ -30,6 +30,27 @@ class Decoder(Protocol):
         ...
 
 
+class Averaged:
+    """One decoder out of one model's states of several sources that mean the same.
+
+    Every row stands for `ways` neighboring rows of the model and continues by the geometric mean of their
+    distributions.
+    """
+
+    def __init__(self, model: Decoder, ways: int):
+        self.model, self.ways = model, ways
+
+    def step(self, state: Any, tokens: Tensor) -> tuple[Tensor, Any]:
+        """See :class:`Decoder`."""
+        logits, state = self.model.step(state, tokens.repeat_interleave(self.ways))
+        return torch.log_softmax(logits.float(), dim=-1).unflatten(0, (-1, self.ways)).mean(1), state
+
+    def reorder(self, state: Any, index: Tensor) -> Any:
+        """See :class:`Decoder`."""
+        way = torch.arange(self.ways, device=index.device)
+        return self.model.reorder(state, (index[:, None] * self.ways + way).flatten())
+
+
 @dataclass(frozen=True)
 class Sampling:
     """How a token is drawn from its distribution.

@@ -57,7 +57,9 @@ def test_what_a_paper_would_add_is_there(repository, shipped):
     assert values("splits", "data.seed") == [0, 1, 2]
     assert values("combinations", "data.split") == ["combination"]
     assert values("transformer", "text2token.architecture") == ["transformer"] * 3
-    assert values("no_tokens", "motion2text.tokens") == [False] * 3
+    for entry, frames in (("no_tokens", 1), ("no_tokens_units", 4)):
+        assert values(entry, "motion2text.tokens") == [False] * 3
+        assert values(entry, "motion2text.pose_frames") == [frames] * 3
     assert values("gradient_codebook", "tokenizer.quantizer") == ["gradient"]
     assert values("margin_evaluator", "evaluator.objective") == ["margin"]
     for switch in ("snippets", "attention", "tags", "positions"):  # the rows of the thesis's Table 4.4

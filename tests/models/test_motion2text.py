@@ -13,7 +13,7 @@ from motionary.corpus.batches import Batch
 from motionary.corpus.context import Context
 from motionary.decoding import beam_search, sample, uniform_noise
 from motionary.errors import InputError
-from motionary.language import END, PAD, START
+from motionary.language import END, PAD, START, UNKNOWN
 from motionary.models.consensus import consensus
 from motionary.models.io import load_model, save_model
 from motionary.models.layers import seeded
@@ -166,6 +166,59 @@ def test_captions_do_not_depend_on_the_batch(context, tokens):
     agreed = made.caption(motions, consensus=6)
     assert [made.caption([motion], consensus=6)[0] for motion in motions] == agreed
     assert made.caption([]) == []
+
+
+def test_a_motion_is_read_from_every_shift(context):
+    rng = np.random.default_rng(0)
+    motions = [rng.normal(size=(n, DIM)).astype(np.float32) for n in (16, 6, 3)]
+    made, read = captioner(context, shifts=4), []
+    made.chunk = 64
+    encode = made.tokenizer.encode
+    made.tokenizer.encode = lambda raw, frames: read.append((raw.numpy(), frames.tolist())) or encode(raw, frames)
+    made.caption(motions)
+    [(raw, frames)] = read
+    assert frames == [4] * 8 + [16, 12, 12, 12]  # whole units, shortest motion first
+    for row, start in zip(raw[8:], range(4), strict=True):
+        np.testing.assert_array_equal(row[: 16 - start], motions[0][start:])
+    for row, start in zip(raw[4:8], (0, 1, 2, 2), strict=True):
+        np.testing.assert_array_equal(row[:4], motions[1][start : start + 4])
+    with pytest.raises(InputError, match="shifts: 5: must lie in 1..4"):
+        model(context, shifts=5)
+
+
+def test_readings_are_averaged_in_the_search_and_take_turns_in_draws(context):
+    motion = np.random.default_rng(2).normal(size=(18, DIM)).astype(np.float32)
+    made, alone = captioner(context, shifts=3), captioner(context)
+    net = made.model
+    source, mask = made._source([motion[start:] for start in range(3)])
+    words = [START]
+    for _ in range(net.config.most_words):  # greedy by hand, without a cache
+        logits = net.logits(source, mask, torch.tensor([words] * 3))[:, -1]
+        scores = logits.log_softmax(-1).mean(0)
+        scores[[PAD, START, UNKNOWN]] = -torch.inf  # what is never said
+        if len(words) == 1:
+            scores[END] = -torch.inf
+        words.append(int(scores.argmax()))
+        if words[-1] == END:
+            break
+    expected = context.vocabulary.decode(np.array([w for w in words[1:] if w != END]))
+    assert made.caption([motion], beams=1) == [[expected]]
+    drawn = made.caption([motion], n=5, seeds=[3], temperature=1.0)[0]
+    for start in range(3):
+        assert drawn[start::3] == alone.caption([motion[start:]], n=5, seeds=[3], temperature=1.0)[0][start::3]
+
+
+def test_poses_are_read_by_as_many_frames_as_asked(context):
+    batch = a_batch(context, motion=True)
+    for frames, positions in ((1, 36), (2, 18), (4, 9)):
+        net = model(context, tokens=False, pose_frames=frames)
+        source, mask = net.source_of(batch)
+        assert source.shape == (5, positions, 32)
+        assert mask.sum(1).tolist() == (batch.frames // frames).tolist()
+        poses = net.normalizer(batch.motion)[0, :frames].flatten()
+        torch.testing.assert_close(source[0, 0], net.source.weight @ poses + net.source.bias)
+    with pytest.raises(InputError, match="pose_frames: 3: must divide the unit of 4"):
+        model(context, tokens=False, pose_frames=3)
 
 
 def test_consensus_prefers_the_wording_that_overlaps_with_all_others():

@@ -12,7 +12,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from motionary.decoding import Sampling, beam_search, sample, uniform_noise
+from motionary.decoding import Averaged, Sampling, beam_search, sample, uniform_noise
 from motionary.errors import InputError
 from motionary.language import END, PAD, START, UNKNOWN
 from motionary.models.consensus import consensus as agree
@@ -32,17 +32,22 @@ class Motion2TextConfig:
     Attributes:
         codes: size of the tokenizer's codebook (the stage takes it from there).
         tokens: read motion tokens; False is the ablation of Table 1, which reads the features themselves.
+        pose_frames: without tokens, frames that one position of the source holds: 1 reads pose after pose, the
+            corpus's unit of frames gives sources as short as those of tokens.
         width, layers, feed_forward, heads: of the Transformer, `layers` in encoder and decoder each.
         dropout: on embeddings and branches.
         label_smoothing: share of the target's probability spread over all words (0 in the paper).
         token_dropout: share of motion tokens hidden from the encoder while training (0 in the paper).
         start_from_codebook: token embeddings start as the tokenizer's codebook, codes of like motion alike (False in
             the paper: at random).
+        shifts: starts, in frames, from which a motion is cut into units: training draws one, decoding averages what all
+            of them predict (1 in the paper). Which frames share a unit is chance.
         most_words: longest caption.
     """
 
     codes: int
     tokens: bool = True
+    pose_frames: int = 1
     width: int = 512
     layers: int = 4
     feed_forward: int = 2048
@@ -51,6 +56,7 @@ class Motion2TextConfig:
     label_smoothing: float = 0.0
     token_dropout: float = 0.0
     start_from_codebook: bool = False
+    shifts: int = 1
     most_words: int = 30
 
 
@@ -64,6 +70,8 @@ class Motion2Text(nn.Module):
         super().__init__()
         if config.width % config.heads:
             raise InputError("motion2text.width", config.width, f"must be divisible by heads={config.heads}")
+        if not 1 <= config.shifts <= context.unit:
+            raise InputError("motion2text.shifts", config.shifts, f"must lie in 1..{context.unit}")
         self.config, self.context = config, context
         self.start_token, self.end_token, self.pad_token = config.codes, config.codes + 1, config.codes + 2
         words = len(context.vocabulary)
@@ -72,7 +80,9 @@ class Motion2Text(nn.Module):
             nn.init.normal_(self.source.weight, std=1.0)
         else:
             self.normalizer = Normalizer(context.mean, context.std)
-            self.source = nn.Linear(context.unit * len(context.mean), config.width)
+            if config.pose_frames < 1 or context.unit % config.pose_frames:
+                raise InputError("motion2text.pose_frames", config.pose_frames, f"must divide the unit of {context.unit}")
+            self.source = nn.Linear(config.pose_frames * len(context.mean), config.width)
         self.words = nn.Embedding(words, config.width, padding_idx=PAD)
         nn.init.normal_(self.words.weight, std=config.width**-0.5)
         self.body = TokenTransformer(
@@ -96,12 +106,12 @@ class Motion2Text(nn.Module):
         return self.source(source)
 
     def embed_motion(self, motion: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
-        """Raw features (B, T, D), T a multiple of the unit -> embeddings of units (B, T / unit, width), mask."""
-        unit = self.context.unit
+        """Raw features (B, T, D), T a multiple of p = pose_frames -> their embeddings (B, T / p, width), mask."""
+        size = self.config.pose_frames
         mask = length_mask(frames, motion.shape[1])
         motion = self.normalizer(motion) * mask[..., None]
-        units = (frames + unit - 1) // unit
-        return self.source(motion.unflatten(1, (-1, unit)).flatten(2)), length_mask(units, motion.shape[1] // unit)
+        positions = (frames + size - 1) // size
+        return self.source(motion.unflatten(1, (-1, size)).flatten(2)), length_mask(positions, motion.shape[1] // size)
 
     def source_of(self, batch: Any) -> tuple[Tensor, Tensor]:
         """Embedded source and its mask, from a batch's tokens or features."""
@@ -210,6 +220,8 @@ class Captioner:
             consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
                 search alone (the paper's).
 
+        Where the model was trained with several `shifts`, a beam search averages over them; draws take turns.
+
         Returns:
             for each motion, its captions: normalized words joined by spaces.
         """
@@ -224,11 +236,11 @@ class Captioner:
         # Similar lengths share a chunk, so little is padded.
         order = np.argsort([len(array) for array in features], kind="stable")
         draws = n if temperature is not None else consensus
-        chunk = max(1, min(self.chunk, 4 * self.chunk // max(1, draws)))
+        chunk = max(1, min(self.chunk // self.model.config.shifts, 4 * self.chunk // max(1, draws)))
         results: list[list[str]] = [[] for _ in features]
         for first in range(0, len(order), chunk):
             chosen = order[first : first + chunk]
-            source, mask = self._source([features[i] for i in chosen])
+            source, mask = self._source([reading for i in chosen for reading in self._readings(features[i])])
             own = [seeds[i] for i in chosen]
             if temperature is not None:
                 captions = self._sample(source, mask, own, n, temperature)
@@ -257,18 +269,26 @@ class Captioner:
         ids, mask = model.token_source(self.tokenizer.encode(motion, frames), frames // unit)
         return model.embed(ids), mask
 
+    def _readings(self, motion: np.ndarray) -> list[np.ndarray]:
+        """A motion (T, D) from each of its starts, none of which cuts into a last unit."""
+        latest = max(0, len(motion) - self.context.unit)
+        return [motion[min(start, latest) :] for start in range(self.model.config.shifts)]
+
     def _search(self, source: Tensor, mask: Tensor, beams: int, n: int) -> list[list[str]]:
-        model = self.model
-        start = torch.full((len(source),), START, device=source.device)
-        state = model.start(source, mask)
-        found = beam_search(model, state, start, END, beams, n, model.config.most_words, banned=_NEVER)
+        model, ways = self.model, self.model.config.shifts
+        start = torch.full((len(source) // ways,), START, device=source.device)
+        state, decoder = model.start(source, mask), Averaged(model, ways) if ways > 1 else model
+        found = beam_search(decoder, state, start, END, beams, n, model.config.most_words, banned=_NEVER)
         return [[self._text(hypothesis.tokens) for hypothesis in item] for item in found]
 
     def _sample(self, source: Tensor, mask: Tensor, seeds: list[int], n: int, temperature: float) -> list[list[str]]:
+        """n captions for each seed; the readings of an item take turns."""
         model, steps = self.model, self.model.config.most_words
+        readings = torch.arange(len(source), device=source.device).view(len(seeds), -1)
+        turns = torch.arange(n, device=source.device) % readings.shape[1]
         noise = uniform_noise(seeds, n * steps).view(len(seeds) * n, steps)
         state = model.start(source, mask)
-        state = model.reorder(state, torch.arange(len(source), device=source.device).repeat_interleave(n))
+        state = model.reorder(state, readings[:, turns].flatten())
         start = torch.full((len(noise),), START, device=source.device)
         words, count = sample(model, state, start, END, noise, steps, Sampling(temperature), _NEVER)
         texts = [self._text(row[:c].tolist()) for row, c in zip(words, count, strict=True)]

@@ -14,7 +14,7 @@ T = TypeVar("T")
 SEED_KEY = "seed"
 
 # Keys of a stage's section that say how its training data is drawn (arguments of corpus.batches and corpus.labeled).
-DATA_KEYS = ("window", "drop_unit", "shifts", "balance")
+DATA_KEYS = ("window", "drop_unit", "balance")
 
 
 @dataclass(frozen=True)
