@@ -81,7 +81,9 @@ class Motion2Text(nn.Module):
         else:
             self.normalizer = Normalizer(context.mean, context.std)
             if config.pose_frames < 1 or context.unit % config.pose_frames:
-                raise InputError("motion2text.pose_frames", config.pose_frames, f"must divide the unit of {context.unit}")
+                raise InputError(
+                    "motion2text.pose_frames", config.pose_frames, f"must divide the unit of {context.unit}"
+                )
             self.source = nn.Linear(config.pose_frames * len(context.mean), config.width)
         self.words = nn.Embedding(words, config.width, padding_idx=PAD)
         nn.init.normal_(self.words.weight, std=config.width**-0.5)
