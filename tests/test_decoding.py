@@ -7,7 +7,7 @@ import itertools
 import pytest
 import torch
 
-from motionary.decoding import Sampling, beam_search, sample, uniform_noise
+from motionary.decoding import Averaged, Sampling, beam_search, sample, uniform_noise
 from motionary.errors import InputError
 
 START, END, WORDS = 0, 1, 5
@@ -43,6 +43,19 @@ class Table:
             total += float(torch.log_softmax(logits, -1)[token])
             before, last = last, token
         return total / (len(sequence) + 1) ** penalty
+
+
+def test_averaged_states_search_as_one_model_of_their_geometric_mean():
+    apart, mean = Table(items=6), Table(items=3)
+    mean.logits = torch.log_softmax(apart.logits, -1).view(3, 2, WORDS, WORDS, WORDS).mean(1)
+    start = torch.full((3,), START)
+    expected = beam_search(mean, mean.first(3), start, END, 3, 2, 5, banned=(START,))
+    found = beam_search(Averaged(apart, 2), apart.first(6), start, END, 3, 2, 5, banned=(START,))
+    assert [[h.tokens for h in item] for item in found] == [[h.tokens for h in item] for item in expected]
+    for item, other in zip(found, expected, strict=True):
+        assert [h.score for h in item] == pytest.approx([h.score for h in other], abs=1e-5)
+    alone = beam_search(apart, apart.first(6), torch.full((6,), START), END, 3, 2, 5, banned=(START,))
+    assert [item[0].tokens for item in alone[::2]] != [item[0].tokens for item in found]
 
 
 @pytest.mark.parametrize("penalty", [0.0, 0.7, 1.5])
