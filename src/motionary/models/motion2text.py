@@ -243,13 +243,13 @@ class Captioner:
         for first in range(0, len(order), chunk):
             chosen = order[first : first + chunk]
             source, mask = self._source([reading for i in chosen for reading in self._readings(features[i])])
-            own = [seeds[i] for i in chosen]
+            state, own = self.model.start(source, mask), [seeds[i] for i in chosen]
             if temperature is not None:
-                captions = self._sample(source, mask, own, n, temperature)
+                captions = self._sample(state, own, n, temperature)
             else:
-                captions = self._search(source, mask, beams, n if not consensus else max(beams, n))
+                captions = self._search(state, len(chosen), beams, n if not consensus else max(beams, n))
             if consensus and temperature is None:
-                drawn = self._sample(source, mask, own, consensus, 1.0)
+                drawn = self._sample(state, own, consensus, 1.0)
                 captions = [agree([*best, *more], more)[:n] for best, more in zip(captions, drawn, strict=True)]
             for i, caption in zip(chosen, captions, strict=True):
                 results[i] = caption
@@ -276,22 +276,22 @@ class Captioner:
         latest = max(0, len(motion) - self.context.unit)
         return [motion[min(start, latest) :] for start in range(self.model.config.shifts)]
 
-    def _search(self, source: Tensor, mask: Tensor, beams: int, n: int) -> list[list[str]]:
+    def _search(self, state: Cache, items: int, beams: int, n: int) -> list[list[str]]:
+        """The n likeliest captions of each item, averaged over its readings."""
         model, ways = self.model, self.model.config.shifts
-        start = torch.full((len(source) // ways,), START, device=source.device)
-        state, decoder = model.start(source, mask), Averaged(model, ways) if ways > 1 else model
+        start = torch.full((items,), START, device=state.item.device)
+        decoder = Averaged(model, ways) if ways > 1 else model
         found = beam_search(decoder, state, start, END, beams, n, model.config.most_words, banned=_NEVER)
         return [[self._text(hypothesis.tokens) for hypothesis in item] for item in found]
 
-    def _sample(self, source: Tensor, mask: Tensor, seeds: list[int], n: int, temperature: float) -> list[list[str]]:
+    def _sample(self, state: Cache, seeds: list[int], n: int, temperature: float) -> list[list[str]]:
         """n captions for each seed; the readings of an item take turns."""
         model, steps = self.model, self.model.config.most_words
-        readings = torch.arange(len(source), device=source.device).view(len(seeds), -1)
-        turns = torch.arange(n, device=source.device) % readings.shape[1]
+        readings = state.item.view(len(seeds), -1)
+        turns = torch.arange(n, device=readings.device) % readings.shape[1]
         noise = uniform_noise(seeds, n * steps).view(len(seeds) * n, steps)
-        state = model.start(source, mask)
         state = model.reorder(state, readings[:, turns].flatten())
-        start = torch.full((len(noise),), START, device=source.device)
+        start = torch.full((len(noise),), START, device=readings.device)
         words, count = sample(model, state, start, END, noise, steps, Sampling(temperature), _NEVER)
         texts = [self._text(row[:c].tolist()) for row, c in zip(words, count, strict=True)]
         return [texts[i * n : (i + 1) * n] for i in range(len(seeds))]
