@@ -285,14 +285,19 @@ class Captioner:
         return [[self._text(hypothesis.tokens) for hypothesis in item] for item in found]
 
     def _sample(self, state: Cache, seeds: list[int], n: int, temperature: float) -> list[list[str]]:
-        """n captions for each seed; the readings of an item take turns."""
+        """n captions for each seed; the readings of an item take turns.
+
+        The tail of each distribution that label smoothing spread over all words is left out: of ten words one would
+        come from it.
+        """
         model, steps = self.model, self.model.config.most_words
         readings = state.item.view(len(seeds), -1)
         turns = torch.arange(n, device=readings.device) % readings.shape[1]
         noise = uniform_noise(seeds, n * steps).view(len(seeds) * n, steps)
         state = model.reorder(state, readings[:, turns].flatten())
         start = torch.full((len(noise),), START, device=readings.device)
-        words, count = sample(model, state, start, END, noise, steps, Sampling(temperature), _NEVER)
+        sampling = Sampling(temperature, top_p=1 - model.config.label_smoothing)
+        words, count = sample(model, state, start, END, noise, steps, sampling, _NEVER)
         texts = [self._text(row[:c].tolist()) for row, c in zip(words, count, strict=True)]
         return [texts[i * n : (i + 1) * n] for i in range(len(seeds))]
 
