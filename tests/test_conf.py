@@ -95,9 +95,9 @@ def test_division_loses_no_key(repository):
         ("tokenizer", "evaluator.dim=8", "stage tokenizer reads only"),
         ("tokenizer", "tokenizer.nonsense=1", "Could not override"),
         ("tokenizer", "tokenizer.steps=0", "tokenizer.steps: 0: must be at least 1"),
-        ("tokenizer", "seed=-1", "seed: -1: must be a whole number from 0 on"),
+        ("tokenizer", "seed=-1", "seed: -1: must be a whole number, at least 0"),
         ("evaluator", "seed=1", "stage evaluator reads only"),
-        ("evaluator", "evaluator.seed=x", "evaluator.seed: x: must be a whole number from 0 on"),
+        ("evaluator", "evaluator.seed=x", "evaluator.seed: x: must be a whole number, at least 0"),
         ("preprocess", "source.root=x", "stage preprocess reads only preprocess, data, source.roots,"),
     ],
 )

@@ -14,10 +14,11 @@ from motionary.corpus.context import Context
 from motionary.decoding import beam_search, sample, uniform_noise
 from motionary.errors import InputError
 from motionary.language import END, PAD, START, UNKNOWN
+from motionary.models.captioner import Captioner
 from motionary.models.consensus import consensus
 from motionary.models.io import load_model, save_model
 from motionary.models.layers import seeded
-from motionary.models.motion2text import Captioner, Motion2Text, Motion2TextConfig, build
+from motionary.models.motion2text import Motion2Text, Motion2TextConfig, build
 from motionary.models.tokenizer import Tokenizer, TokenizerConfig
 
 CODES, DIM = 12, 263

@@ -14,6 +14,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from motionary.errors import InputError
+from motionary.inputs import check_whole
 from motionary.training.settings import DATA_KEYS, SEED_KEY, TrainSettings, divide, model_keys, settings_of
 from motionary.training.tracking import Tracker, numbers
 from motionary.training.workspace import Workspace, content_hash, values_hash
@@ -57,14 +58,15 @@ class Stage:
 
     def _read(self, *further: str) -> dict[str, Any]:
         """What the stage owns of the configuration, and `further` keys, by name; None where there is none."""
-        return {name: _at(self.values, name) for name in (*self.owned, *further)}
+        composed = OmegaConf.create(self.values)
+        found = {name: OmegaConf.select(composed, name) for name in (*self.owned, *further)}
+        return OmegaConf.to_container(OmegaConf.create(found))  # type: ignore[return-value]
 
     def _own_seed(self) -> int:
         """The section's own seed where it has one (the judge's), else the pipeline's."""
         own = SEED_KEY in self.section
         seed = self.section[SEED_KEY] if own else self.values[SEED_KEY]
-        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-            raise InputError(f"{self.name}.{SEED_KEY}" if own else SEED_KEY, seed, "must be a whole number from 0 on")
+        check_whole(f"{self.name}.{SEED_KEY}" if own else SEED_KEY, seed, 0)
         return seed
 
     # Inputs -----------------------------------------------------------------------------------------------------
@@ -150,13 +152,6 @@ class Stage:
     def __exit__(self, kind, error, trace) -> None:
         if self._tracker is not None:
             self._tracker.close(failed=kind is not None)
-
-
-def _at(values: Any, key: str) -> Any:
-    """The value at a dotted key, None where there is none."""
-    for part in key.split("."):
-        values = values.get(part) if isinstance(values, Mapping) else None
-    return values
 
 
 def refuse_foreign_overrides(overrides: Sequence[str], stage: str, read: Sequence[str]) -> None:
