@@ -9,8 +9,7 @@ from motionary.corpus.batches import Pairs, TokenStore
 from motionary.corpus.store import Corpus
 from motionary.evaluation.tokens import shifted_tokens
 from motionary.models.io import load_model, save_model
-from motionary.models.layers import seeded
-from motionary.models.motion2text import build
+from motionary.models.motion2text import build_members, member_name, member_seed
 from motionary.models.tokenizer import Tokenizer
 from motionary.training.run import last_losses, train
 from motionary.training.stage import Stage, run_stage
@@ -25,18 +24,30 @@ def main(config):
         tokenizer = stage.input("models/tokenizer")
         tokens = TokenStore.load(tokenizer)
         settings = stage.training()
-        with seeded(stage.seed):
-            model = build(stage.model(), corpus.context, tokenizer.parent)
-        raw = not model.config.tokens
-        shifts = model.config.shifts
+        members = build_members(stage.model(), corpus.context, tokenizer.parent, stage.seed)
+        raw, shifts = not members[0].config.tokens, members[0].config.shifts
         stores = None if raw else shifted_tokens(corpus, tokens, cast(Tokenizer, load_model(tokenizer)), shifts)
         data = Pairs(corpus, "train", stores, motion=raw, shifts=shifts, **stage.data)
         validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw)
 
-        history = train(stage, model, data, validation, settings, length_sorted=True)
+        report = {}
         with stage.publish("models/motion2text") as folder:
-            save_model(folder, "motion2text", model, corpus.context)
-        stage.report({"training": last_losses(history)})
+            for number, model in enumerate(members):
+                name = member_name(number)
+                history = train(
+                    stage,
+                    model,
+                    data,
+                    validation,
+                    settings,
+                    length_sorted=True,
+                    name=name,
+                    seed=member_seed(stage.seed, number),
+                    more=number + 1 < len(members),
+                )
+                report[name or "training"] = last_losses(history)
+                save_model(folder / name, "motion2text", model, corpus.context)
+        stage.report(report)
 
 
 if __name__ == "__main__":

@@ -32,10 +32,13 @@ def main(config):
         validation = Triples(corpus, held, stage.data["window"])
         report = {}
         with stage.publish("models/stylization") as folder:
-            for setting in trainable(values["settings"], corpus.context):
+            chosen = trainable(values["settings"], corpus.context)
+            for setting in chosen:
                 with seeded(stage.seed):
                     model = build(values, setting, latents, corpus.context, stage.data["window"])
-                report[setting] = last_losses(train(stage, model, data, validation, settings, name=setting))
+                more = setting != chosen[-1]
+                history = train(stage, model, data, validation, settings, name=setting, more=more)
+                report[setting] = last_losses(history)
                 save_model(folder / setting, "stylization", model, corpus.context)
         stage.report(report)
 

@@ -50,10 +50,15 @@ def test_averaged_states_search_as_one_model_of_their_geometric_mean():
     mean.logits = torch.log_softmax(apart.logits, -1).view(3, 2, WORDS, WORDS, WORDS).mean(1)
     start = torch.full((3,), START)
     expected = beam_search(mean, mean.first(3), start, END, 3, 2, 5, banned=(START,))
-    found = beam_search(Averaged(apart, 2), apart.first(6), start, END, 3, 2, 5, banned=(START,))
+    found = beam_search(Averaged([apart], 2), [apart.first(6)], start, END, 3, 2, 5, banned=(START,))
     assert [[h.tokens for h in item] for item in found] == [[h.tokens for h in item] for item in expected]
     for item, other in zip(found, expected, strict=True):
         assert [h.score for h in item] == pytest.approx([h.score for h in other], abs=1e-5)
+    each = [Table(items=3), Table(items=3)]
+    for number, table in enumerate(each):
+        table.logits = apart.logits[number::2]
+    again = beam_search(Averaged(each), [table.first(3) for table in each], start, END, 3, 2, 5, banned=(START,))
+    assert [[h.tokens for h in item] for item in again] == [[h.tokens for h in item] for item in expected]
     alone = beam_search(apart, apart.first(6), torch.full((6,), START), END, 3, 2, 5, banned=(START,))
     assert [item[0].tokens for item in alone[::2]] != [item[0].tokens for item in found]
 

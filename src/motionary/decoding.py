@@ -31,24 +31,27 @@ class Decoder(Protocol):
 
 
 class Averaged:
-    """One decoder out of one model's states of several sources that mean the same.
+    """One decoder out of several models, and of several sources that mean the same to each.
 
-    Every row stands for `ways` neighboring rows of the model and continues by the geometric mean of their
-    distributions.
+    Every row stands for `ways` neighboring rows of each model and continues by the geometric mean of their
+    distributions. Its state is a list of those of the models.
     """
 
-    def __init__(self, model: Decoder, ways: int):
-        self.model, self.ways = model, ways
+    def __init__(self, models: Sequence[Decoder], ways: int = 1):
+        self.models, self.ways = models, ways
 
-    def step(self, state: Any, tokens: Tensor) -> tuple[Tensor, Any]:
+    def step(self, state: list[Any], tokens: Tensor) -> tuple[Tensor, list[Any]]:
         """See :class:`Decoder`."""
-        logits, state = self.model.step(state, tokens.repeat_interleave(self.ways))
-        return torch.log_softmax(logits.float(), dim=-1).unflatten(0, (-1, self.ways)).mean(1), state
+        tokens = tokens.repeat_interleave(self.ways)
+        steps = [model.step(own, tokens) for model, own in zip(self.models, state, strict=True)]
+        scores = torch.stack([torch.log_softmax(logits.float(), dim=-1) for logits, _ in steps])
+        return scores.unflatten(1, (-1, self.ways)).mean((0, 2)), [own for _, own in steps]
 
-    def reorder(self, state: Any, index: Tensor) -> Any:
+    def reorder(self, state: list[Any], index: Tensor) -> list[Any]:
         """See :class:`Decoder`."""
         way = torch.arange(self.ways, device=index.device)
-        return self.model.reorder(state, (index[:, None] * self.ways + way).flatten())
+        rows = (index[:, None] * self.ways + way).flatten()
+        return [model.reorder(own, rows) for model, own in zip(self.models, state, strict=True)]
 
 
 @dataclass(frozen=True)

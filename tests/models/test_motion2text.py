@@ -18,15 +18,22 @@ from motionary.models.captioner import Captioner
 from motionary.models.consensus import consensus
 from motionary.models.io import load_model, save_model
 from motionary.models.layers import seeded
-from motionary.models.motion2text import Motion2Text, Motion2TextConfig, build
+from motionary.models.motion2text import (
+    Motion2Text,
+    Motion2TextConfig,
+    build,
+    build_members,
+    member_name,
+    open_captioner,
+)
 from motionary.models.tokenizer import Tokenizer, TokenizerConfig
 
 CODES, DIM = 12, 263
 
 
-def model(context: Context, **settings) -> Motion2Text:
+def model(context: Context, seed: int = 0, **settings) -> Motion2Text:
     small = {"width": 32, "layers": 2, "feed_forward": 64, "heads": 4, "dropout": 0.0, "most_words": 8}
-    with seeded(0):
+    with seeded(seed):
         return Motion2Text(Motion2TextConfig(CODES, **{**small, **settings}), context).eval()
 
 
@@ -139,22 +146,22 @@ def test_decoding_with_a_cache_equals_decoding_without(context):
 
 
 def captioner(context: Context, **settings) -> Captioner:
-    net = model(context, **settings)
+    members = [model(context, seed=number, **settings) for number in range(settings.get("members", 1))]
     weights = torch.randn(DIM, generator=torch.Generator().manual_seed(1))
 
     def encode(raw, frames):  # a stand-in tokenizer: a code per unit of four frames
         codes = (raw.unflatten(1, (-1, 4)).mean(2) @ weights).abs().mul(3).long() % CODES
         return codes * (torch.arange(codes.shape[1]) < (frames // 4)[:, None])
 
-    tokenizer = SimpleNamespace(encode=encode) if net.config.tokens else None
-    return Captioner(net, tokenizer, chunk=3)  # type: ignore[arg-type]
+    tokenizer = SimpleNamespace(encode=encode) if members[0].config.tokens else None
+    return Captioner(members, tokenizer, chunk=3)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("tokens", [True, False])
-def test_captions_do_not_depend_on_the_batch(context, tokens):
+@pytest.mark.parametrize(("tokens", "members"), [(True, 1), (True, 2), (False, 1)])
+def test_captions_do_not_depend_on_the_batch(context, tokens, members):
     rng = np.random.default_rng(0)
     motions = [rng.normal(size=(n, DIM)).astype(np.float32) for n in (40, 3, 17, 80, 64)]
-    made = captioner(context, tokens=tokens)
+    made = captioner(context, tokens=tokens, members=members)
     searched = made.caption(motions, beams=3, n=2)
     sampled = made.caption(motions, n=3, seeds=[4, 5, 6, 7, 8], temperature=1.0)
     assert [len(c) for c in searched] == [2] * 5
@@ -187,15 +194,20 @@ def test_a_motion_is_read_from_every_shift(context):
         model(context, shifts=5)
 
 
-def test_readings_are_averaged_in_the_search_and_take_turns_in_draws(context):
+@pytest.mark.parametrize("members", [1, 2])
+def test_readings_and_members_are_averaged_in_the_search_and_take_turns_in_draws(context, members):
     motion = np.random.default_rng(2).normal(size=(18, DIM)).astype(np.float32)
-    made, alone = captioner(context, shifts=3), captioner(context)
-    net = made.model
-    source, mask = made._source([motion[start:] for start in range(3)])
+    made = captioner(context, shifts=3, members=members)
+    tokens = torch.zeros(3, 4, dtype=torch.long)
+    count = torch.tensor([4, 4, 4])
+    for start in range(3):
+        tokens[start] = made.tokenizer.encode(torch.tensor(motion[None, start : start + 16]), torch.tensor([16]))
+    sources = [net.embed_tokens(tokens, count) for net in made.members]
     words = [START]
-    for _ in range(net.config.most_words):  # greedy by hand, without a cache
-        logits = net.logits(source, mask, torch.tensor([words] * 3))[:, -1]
-        scores = logits.log_softmax(-1).mean(0)
+    for _ in range(made.config.most_words):  # greedy by hand, without a cache
+        given = torch.tensor([words] * 3)
+        logits = [net.logits(*source, given)[:, -1] for net, source in zip(made.members, sources, strict=True)]
+        scores = torch.cat(logits).log_softmax(-1).mean(0)
         scores[[PAD, START, UNKNOWN]] = -torch.inf  # what is never said
         if len(words) == 1:
             scores[END] = -torch.inf
@@ -204,9 +216,13 @@ def test_readings_are_averaged_in_the_search_and_take_turns_in_draws(context):
             break
     expected = context.vocabulary.decode(np.array([w for w in words[1:] if w != END]))
     assert made.caption([motion], beams=1) == [[expected]]
-    drawn = made.caption([motion], n=5, seeds=[3], temperature=1.0)[0]
-    for start in range(3):
-        assert drawn[start::3] == alone.caption([motion[start:]], n=5, seeds=[3], temperature=1.0)[0][start::3]
+    drawn = made.caption([motion], n=13, seeds=[3], temperature=1.0)[0]
+    for number, net in enumerate(made.members):
+        alone = Captioner([model(context, seed=number)], made.tokenizer)
+        assert torch.equal(alone.members[0].words.weight, net.words.weight)
+        for start in range(3):
+            turns = slice(number + members * start, None, 3 * members)
+            assert drawn[turns] == alone.caption([motion[start:]], n=13, seeds=[3], temperature=1.0)[0][turns]
 
 
 def test_poses_are_read_by_as_many_frames_as_asked(context):
@@ -236,6 +252,8 @@ def test_bad_motions_are_named(context):
         captioner(context).caption([np.zeros((8, DIM), np.float32), np.zeros((8, 7), np.float32)])
     with pytest.raises(InputError, match="heads"):
         model(context, width=33)
+    with pytest.raises(InputError, match=r"motion2text.members: 0: must be at least 1"):
+        model(context, members=0)
 
 
 @pytest.mark.parametrize("tokens", [True, False])
@@ -274,3 +292,18 @@ def test_embeddings_may_start_as_the_codebook(context, tmp_path, code_dim):
     assert near > 0.7
     assert torch.equal(started.source.weight[200:], plain.source.weight[200:])
     assert torch.equal(started.words.weight, plain.words.weight)
+
+
+def test_members_are_trained_from_seeds_of_their_own_and_open_together(context, tmp_path):
+    with seeded(3):
+        tokenizer = Tokenizer(TokenizerConfig(codes=CODES, code_dim=8, width=16, fine_width=16), context)
+    save_model(tmp_path / "tokenizer", "tokenizer", tokenizer, context)
+    settings = {"width": 32, "heads": 4, "layers": 1, "feed_forward": 8, "members": 3}
+    members = build_members(settings, context, tmp_path, seed=5)
+    weights = [member.words.weight for member in members]
+    assert len({float(weight.detach().sum()) for weight in weights}) == 3
+    assert torch.equal(weights[0], build_members({**settings, "members": 1}, context, tmp_path, 5)[0].words.weight)
+    for number, member in enumerate(members):
+        save_model(tmp_path / "motion2text" / member_name(number), "motion2text", member, context)
+    opened = open_captioner(tmp_path)
+    assert [torch.equal(a.words.weight, b) for a, b in zip(opened.members, weights, strict=True)] == [True] * 3

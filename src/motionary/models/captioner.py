@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from motionary.decoding import Averaged, Sampling, beam_search, sample, uniform_noise
 from motionary.errors import InputError
@@ -23,13 +22,16 @@ _NEVER = (PAD, START, UNKNOWN)
 
 
 class Captioner:
-    """Captions motions with a trained Motion2Text. Results never depend on the other motions of the call."""
+    """Captions motions with the members of a trained Motion2Text.
+
+    Results never depend on the other motions of the call.
+    """
 
     draws = True  # can choose a caption by consensus of draws
 
-    def __init__(self, model: Motion2Text, tokenizer: Tokenizer | None, chunk: int = 64):
-        self.model, self.tokenizer, self.chunk = model.eval(), tokenizer, chunk
-        self.context = model.context
+    def __init__(self, members: Sequence[Motion2Text], tokenizer: Tokenizer | None, chunk: int = 64):
+        self.members, self.tokenizer, self.chunk = [model.eval() for model in members], tokenizer, chunk
+        self.config, self.context = members[0].config, members[0].context
 
     @torch.no_grad()
     def caption(
@@ -52,7 +54,7 @@ class Captioner:
             consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
                 search alone (the paper's).
 
-        Where the model was trained with several `shifts`, a beam search averages over them; draws take turns.
+        Beam search averages over the members and over the `shifts` that they were trained with; draws take turns.
 
         Returns:
             for each motion, its captions: normalized words joined by spaces.
@@ -68,26 +70,26 @@ class Captioner:
         # Similar lengths share a chunk, so little is padded.
         order = np.argsort([len(array) for array in features], kind="stable")
         draws = n if temperature is not None else consensus
-        chunk = max(1, min(self.chunk // self.model.config.shifts, 4 * self.chunk // max(1, draws)))
+        chunk = max(1, min(self.chunk // self.config.shifts, 4 * self.chunk // max(1, draws)))
         results: list[list[str]] = [[] for _ in features]
         for first in range(0, len(order), chunk):
             chosen = order[first : first + chunk]
-            source, mask = self._source([reading for i in chosen for reading in self._readings(features[i])])
-            state, own = self.model.start(source, mask), [seeds[i] for i in chosen]
+            states = self._start([reading for i in chosen for reading in self._readings(features[i])])
+            own = [seeds[i] for i in chosen]
             if temperature is not None:
-                captions = self._sample(state, own, n, temperature)
+                captions = self._sample(states, own, n, temperature)
             else:
-                captions = self._search(state, len(chosen), beams, n if not consensus else max(beams, n))
+                captions = self._search(states, len(chosen), beams, n if not consensus else max(beams, n))
             if consensus and temperature is None:
-                drawn = self._sample(state, own, consensus, 1.0)
+                drawn = self._sample(states, own, consensus, 1.0)
                 captions = [agree([*best, *more], more)[:n] for best, more in zip(captions, drawn, strict=True)]
             for i, caption in zip(chosen, captions, strict=True):
                 results[i] = caption
         return results
 
-    def _source(self, features: list[np.ndarray]) -> tuple[Tensor, Tensor]:
-        model, unit = self.model, self.context.unit
-        device = model.words.weight.device
+    def _start(self, features: list[np.ndarray]) -> list[Cache]:
+        """Each member's state before the first word, one row for each of the raw features (T, D)."""
+        unit, device = self.context.unit, self.members[0].words.weight.device
         longest = -(-max(len(array) for array in features) // unit) * unit
         motion = torch.zeros(len(features), longest, features[0].shape[1])
         for row, array in zip(motion, features, strict=True):
@@ -97,39 +99,41 @@ class Captioner:
         frames = torch.tensor([max(unit, len(array) // unit * unit) for array in features])
         motion, frames = motion.to(device), frames.to(device)
         if self.tokenizer is None:
-            return model.embed_motion(motion, frames)
-        ids, mask = model.token_source(self.tokenizer.encode(motion, frames), frames // unit)
-        return model.embed(ids), mask
+            return [model.start(*model.embed_motion(motion, frames)) for model in self.members]
+        tokens, count = self.tokenizer.encode(motion, frames), frames // unit
+        return [model.start(*model.embed_tokens(tokens, count)) for model in self.members]
 
     def _readings(self, motion: np.ndarray) -> list[np.ndarray]:
         """A motion (T, D) from each of its starts, none of which cuts into a last unit."""
         latest = max(0, len(motion) - self.context.unit)
-        return [motion[min(start, latest) :] for start in range(self.model.config.shifts)]
+        return [motion[min(start, latest) :] for start in range(self.config.shifts)]
 
-    def _search(self, state: Cache, items: int, beams: int, n: int) -> list[list[str]]:
-        """The n likeliest captions of each item, averaged over its readings."""
-        model, ways = self.model, self.model.config.shifts
-        start = torch.full((items,), START, device=state.item.device)
-        decoder = Averaged(model, ways) if ways > 1 else model
-        found = beam_search(decoder, state, start, END, beams, n, model.config.most_words, banned=_NEVER)
+    def _search(self, states: list[Cache], items: int, beams: int, n: int) -> list[list[str]]:
+        """The n likeliest captions of each item, averaged over members and readings."""
+        start = torch.full((items,), START, device=states[0].item.device)
+        decoder = Averaged(self.members, self.config.shifts)
+        found = beam_search(decoder, states, start, END, beams, n, self.config.most_words, banned=_NEVER)
         return [[self._text(hypothesis.tokens) for hypothesis in item] for item in found]
 
-    def _sample(self, state: Cache, seeds: list[int], n: int, temperature: float) -> list[list[str]]:
-        """n captions for each seed; the readings of an item take turns.
+    def _sample(self, states: list[Cache], seeds: list[int], n: int, temperature: float) -> list[list[str]]:
+        """n captions for each seed; members, and the readings of an item, take turns.
 
         The tail of each distribution that label smoothing spread over all words is left out: of ten words one would
         come from it.
         """
-        model, steps = self.model, self.model.config.most_words
-        readings = state.item.view(len(seeds), -1)
-        turns = torch.arange(n, device=readings.device) % readings.shape[1]
-        noise = uniform_noise(seeds, n * steps).view(len(seeds) * n, steps)
-        state = model.reorder(state, readings[:, turns].flatten())
-        start = torch.full((len(noise),), START, device=readings.device)
-        sampling = Sampling(temperature, top_p=1 - model.config.label_smoothing)
-        words, count = sample(model, state, start, END, noise, steps, sampling, _NEVER)
-        texts = [self._text(row[:c].tolist()) for row, c in zip(words, count, strict=True)]
-        return [texts[i * n : (i + 1) * n] for i in range(len(seeds))]
+        steps, ways = self.config.most_words, len(self.members)
+        sampling = Sampling(temperature, top_p=1 - self.config.label_smoothing)
+        noise = uniform_noise(seeds, n * steps).view(len(seeds), n, steps)
+        texts = [[""] * n for _ in seeds]
+        for first, (model, state) in enumerate(zip(self.members, states, strict=True)):
+            turns = torch.arange(first, n, ways)  # this member's draws
+            readings = state.item.view(len(seeds), -1)
+            own = model.reorder(state, readings[:, turns // ways % readings.shape[1]].flatten())
+            start = torch.full((len(own.item),), START, device=readings.device)
+            words, count = sample(model, own, start, END, noise[:, turns].flatten(0, 1), steps, sampling, _NEVER)
+            for row, (tokens, length) in enumerate(zip(words, count, strict=True)):
+                texts[row // len(turns)][int(turns[row % len(turns)])] = self._text(tokens[:length].tolist())
+        return texts
 
     def _text(self, words: list[int]) -> str:
         return self.context.vocabulary.decode(np.array(words, dtype=np.int64))

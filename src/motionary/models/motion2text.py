@@ -15,7 +15,7 @@ from motionary.errors import InputError
 from motionary.language import PAD
 from motionary.models.captioner import Captioner
 from motionary.models.io import load_sibling, read_record
-from motionary.models.layers import Normalizer, length_mask
+from motionary.models.layers import Normalizer, length_mask, seeded
 from motionary.models.token_transformer import Cache, TokenTransformer
 from motionary.models.tokenizer import Tokenizer
 
@@ -40,6 +40,8 @@ class Motion2TextConfig:
             the paper: at random).
         shifts: starts, in frames, from which a motion is cut into units: training draws one, decoding averages what all
             of them predict (1 in the paper). Which frames share a unit is chance.
+        members: captioners that are trained apart, each with its own seed, and average what they predict (1 in the
+            paper). Inverse alignment learns from the first.
         most_words: longest caption.
     """
 
@@ -55,6 +57,7 @@ class Motion2TextConfig:
     token_dropout: float = 0.0
     start_from_codebook: bool = False
     shifts: int = 1
+    members: int = 1
     most_words: int = 30
 
 
@@ -70,6 +73,8 @@ class Motion2Text(nn.Module):
             raise InputError("motion2text.width", config.width, f"must be divisible by heads={config.heads}")
         if not 1 <= config.shifts <= context.unit:
             raise InputError("motion2text.shifts", config.shifts, f"must lie in 1..{context.unit}")
+        if config.members < 1:
+            raise InputError("motion2text.members", config.members, "must be at least 1")
         self.config, self.context = config, context
         self.start_token, self.end_token, self.pad_token = config.codes, config.codes + 1, config.codes + 2
         words = len(context.vocabulary)
@@ -104,6 +109,11 @@ class Motion2Text(nn.Module):
         if source.is_floating_point():
             return source @ self.source.weight
         return self.source(source)
+
+    def embed_tokens(self, tokens: Tensor, count: Tensor) -> tuple[Tensor, Tensor]:
+        """Motion codes (B, S), valid counts (B,) -> their embeddings (B, S + 2, width), mask."""
+        ids, mask = self.token_source(tokens, count)
+        return self.embed(ids), mask
 
     def embed_motion(self, motion: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
         """Raw features (B, T, D), T a multiple of p = pose_frames -> their embeddings (B, T / p, width), mask."""
@@ -172,6 +182,25 @@ class Motion2Text(nn.Module):
 MODEL, CONFIG = Motion2Text, Motion2TextConfig
 
 
+def member_name(number: int) -> str:
+    """Folder of a member below `models/motion2text`, which holds the first one itself."""
+    return f"member_{number + 1}" if number else ""
+
+
+def member_seed(seed: int, number: int) -> int:
+    """Seed of a member; runs of neighboring seeds share none."""
+    return seed + 1009 * number
+
+
+def build_members(settings: Mapping[str, Any], context: Context, models: Path, seed: int) -> list[Motion2Text]:
+    """The fresh members of a captioner, see `build`."""
+    members: list[Motion2Text] = []
+    while not members or len(members) < members[0].config.members:
+        with seeded(member_seed(seed, len(members))):
+            members.append(build(settings, context, models))
+    return members
+
+
 def build(settings: Mapping[str, Any], context: Context, models: Path) -> Motion2Text:
     """A fresh model for the tokenizer in `models/tokenizer`; `settings` are the remaining keys of the config."""
     codes = read_record(models / "tokenizer")["config"]["codes"]
@@ -192,7 +221,8 @@ def _start_from(embedding: Tensor, codebook: Tensor) -> None:
 
 def open_captioner(models: str | Path, device: str | torch.device = "cpu") -> Captioner:
     """The captioner of a trained pipeline: `models/motion2text` and, where it reads tokens, `models/tokenizer`."""
-    model = cast(Motion2Text, load_sibling(models, "motion2text", device))
-    if not model.config.tokens:
-        return Captioner(model, None)
-    return Captioner(model, cast(Tokenizer, load_sibling(models, "tokenizer", device)))
+    first = cast(Motion2Text, load_sibling(models, "motion2text", device))
+    names = [str(Path("motion2text", member_name(number))) for number in range(1, first.config.members)]
+    members = [first, *(cast(Motion2Text, load_sibling(models, name, device)) for name in names)]
+    tokenizer = cast(Tokenizer, load_sibling(models, "tokenizer", device)) if first.config.tokens else None
+    return Captioner(members, tokenizer)

@@ -21,7 +21,9 @@ def train(
     validation: Dataset,
     settings: TrainSettings,
     length_sorted: bool = False,
-    name: str | None = None,
+    name: str = "",
+    seed: int | None = None,
+    more: bool = False,
 ) -> History:
     """Trains `model` for `stage` and leaves it on the CPU in eval mode.
 
@@ -32,23 +34,31 @@ def train(
         validation: what early stopping and the validation curves watch.
         settings: of the loop.
         length_sorted: put items of similar length into one batch (see corpus.batches.Batches).
-        name: distinguishes several models of one stage.
+        name: distinguishes several models of one stage, also in its curves.
+        seed: of this model's training; None is the stage's.
+        more: the stage trains further models after this one.
 
-    Under ``torchrun`` only the first process returns; the others end here, since it writes what follows.
+    Under ``torchrun`` only the first process returns from the last training of a stage; the others end here, since it
+    writes what follows.
     """
     set_threads(int(stage.values["threads"]))
     fabric = make_fabric(stage.values["device"], stage.values["precision"])
     first = fabric.global_rank == 0
-    label = name or stage.name
+    label, prefix = name or stage.name, f"{name}_" if name else ""
+    seed = stage.seed if seed is None else seed
     batches = Batches(
         data,
         settings.batch_size,
-        stage.seed,
+        seed,
         drop_last=True,
         rank=fabric.global_rank,
         world=fabric.world_size,
         length_sorted=length_sorted,
     )
+
+    def log(step: int, values: dict[str, float]) -> None:
+        stage.tracker.log(step, {f"{prefix}{key}": value for key, value in values.items()})
+
     history = fit(
         model,
         batches,
@@ -56,16 +66,16 @@ def train(
         settings,
         fabric,
         checkpoint=stage.cache / f"{label}.safetensors",
-        seed=stage.seed,
-        log=stage.tracker.log if first else None,
+        seed=seed,
+        log=log if first else None,
         description=label,
     )
     model.to("cpu")
-    if not first:
+    if first:
+        write_curves(history, stage.figure_path(f"{prefix}curves.csv"))
+        stage.figure(f"{prefix}curves", draw_curves(history, label))
+    elif not more:
         sys.exit(0)
-    prefix = f"{name}_" if name else ""
-    write_curves(history, stage.figure_path(f"{prefix}curves.csv"))
-    stage.figure(f"{prefix}curves", draw_curves(history, label))
     return history
 
 
