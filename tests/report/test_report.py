@@ -51,8 +51,8 @@ def generator_report(noise: float) -> dict:
 
 
 def captioner_report() -> dict:
-    words = {"items": 40, "bleu1": 0.8, "bleu4": 0.6, "rouge_l": 0.7, "cider": 3.0, "bert_score": 0.9}
-    words |= {"bert_model": "small", "raw": {"bleu4": 0.4}}
+    words = {"items": 40, "bleu1": 0.8, "bleu4": {"mean": 0.6, "half": 0.04}, "rouge_l": 0.7, "cider": 3.0}
+    words |= {"bert_score": 0.9, "bert_model": "small", "raw": {"bleu4": 0.4}}
     return {
         "system": "y",
         "evaluator": "abc123",
@@ -162,7 +162,11 @@ def test_captioners_are_compared_with_real_captions(reports):
     real, beta = (dict(zip(table.columns, table.rows[i], strict=True)) for i in (0, 1))
     assert real["BLEU-4"] == "-"
     assert real["R@3"].startswith(f"{judged(0.1)['all']['r3']['mean']:.3f}")
-    assert (beta["BLEU-4"], beta["BLEU-4, raw captions"], beta["names the action"]) == ("0.600", "0.400", "80.0%")
+    assert (beta["BLEU-4"], beta["BLEU-4, raw captions"], beta["names the action"]) == (
+        "0.600 ± 0.040",
+        "0.400",
+        "80.0%",
+    )
     assert "small" in table.note
 
 

@@ -11,6 +11,7 @@ from tqdm import tqdm
 from motionary.evaluation.items import Items
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
+from motionary.metrics.intervals import Interval
 from motionary.metrics.language import caption_scores
 from motionary.models.judge import Judge
 
@@ -112,4 +113,8 @@ def _actions(sentence: Sentence) -> set[str]:
 
 
 def _rounded(scores: dict[str, Any]) -> dict[str, Any]:
-    return {name: round(float(v), 5) if isinstance(v, (float, np.floating)) else v for name, v in scores.items()}
+    """Intervals as reports hold them; what is none stays."""
+    return {
+        name: {"mean": round(v.mean, 5), "half": round(v.half, 5)} if isinstance(v, Interval) else v
+        for name, v in scores.items()
+    }

@@ -128,7 +128,7 @@ def study_tables(study: Study, runs: Runs, found: Sequence[Mapping[str, Any]]) -
     parts = sorted({name.split(", ", 1)[1] for name in metrics if ", " in name})
     note = (
         "Mean over seeds (or splits) with its 95% interval by Student's t; of a single run, the interval over the"
-        " repetitions of its evaluation."
+        " repetitions of its evaluation (BLEU: over its captions)."
     )
 
     def with_parts(names: Sequence[str], *of: str) -> list[str]:

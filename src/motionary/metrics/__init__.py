@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from motionary.metrics.classification import accuracy, macro_accuracy
     from motionary.metrics.distribution import diversity, frechet_distance, halves_distance, multimodality
     from motionary.metrics.intervals import Interval, interval, paired_bootstrap, paired_interval
-    from motionary.metrics.language import bert_score, bleu, caption_scores, cider, rouge_l
+    from motionary.metrics.language import bert_score, bleu, bleu_interval, caption_scores, cider, rouge_l
     from motionary.metrics.physics import floating, foot_skating, jitter, penetration
     from motionary.metrics.position import (
         PositionErrors,
@@ -32,6 +32,7 @@ __all__ = [
     "average_variance_error",
     "bert_score",
     "bleu",
+    "bleu_interval",
     "caption_scores",
     "cider",
     "diversity",
@@ -58,7 +59,7 @@ _HOMES = {
     "classification": ("accuracy", "macro_accuracy"),
     "distribution": ("diversity", "frechet_distance", "halves_distance", "multimodality"),
     "intervals": ("Interval", "interval", "paired_bootstrap", "paired_interval"),
-    "language": ("bert_score", "bleu", "caption_scores", "cider", "rouge_l"),
+    "language": ("bert_score", "bleu", "bleu_interval", "caption_scores", "cider", "rouge_l"),
     "physics": ("floating", "foot_skating", "jitter", "penetration"),
     "position": (
         "PositionErrors",

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.metrics.intervals import Interval, interval
 
 References = Sequence[Sequence[str]]
 
@@ -29,12 +30,48 @@ def bleu(candidates: Sequence[str], references: References, order: int = 4) -> t
     return tuple(float(score) for score in scores)
 
 
+def bleu_interval(
+    candidates: Sequence[str],
+    references: References,
+    order: int = 4,
+    draws: int = 1000,
+    generator: np.random.Generator | None = None,
+) -> tuple[Interval, ...]:
+    """`bleu` with 1.96 standard deviations of its bootstrap over captions (Koehn 2004).
+
+    Args:
+        candidates: N captions.
+        references: one or more for each.
+        order: longest run of words.
+        draws: resamples of N captions each.
+        generator: draws them; seed 0 where None.
+    """
+    from pycocoevalcap.bleu.bleu_scorer import BleuScorer
+
+    if draws < 2:
+        raise InputError("draws", draws, "must be at least 2")
+    scores = bleu(candidates, references, order)
+    texts, truths = _checked(candidates, references)
+    scorer = BleuScorer(n=order)
+    for index, [text] in texts.items():
+        scorer += (text, truths[index])
+    counts = [
+        [c["testlen"], min((abs(n - c["testlen"]), n) for n in c["reflen"])[1], *c["correct"], *c["guess"]]
+        for c in scorer.ctest
+    ]
+    generator = generator or np.random.default_rng(0)
+    weights = generator.multinomial(len(texts), np.full(len(texts), 1 / len(texts)), size=draws)
+    length, nearest, *rest = (weights @ np.array(counts, dtype=np.float64)).T
+    correct, guess = np.array(rest[:order]), np.array(rest[order:])
+    precision = np.log(np.maximum(correct, 1e-15) / np.maximum(guess, 1e-9)).cumsum(0)
+    brevity = np.minimum(0, 1 - nearest / np.maximum(length, 1e-9))
+    drawn = np.exp(precision / np.arange(1, order + 1)[:, None] + brevity)
+    return tuple(Interval(*pair) for pair in zip(scores, 1.96 * drawn.std(1), strict=True))
+
+
 def rouge_l(candidates: Sequence[str], references: References) -> float:
     """Mean ROUGE-L F-measure (Lin 2004, beta 1.2, the best precision and the best recall of the references)."""
-    from pycocoevalcap.rouge.rouge import Rouge
-
-    texts, truths = _checked(candidates, references)
-    return float(Rouge().compute_score(truths, texts)[0])
+    return float(_rouge_l(candidates, references).mean())
 
 
 def cider(candidates: Sequence[str], references: References) -> float:
@@ -42,10 +79,7 @@ def cider(candidates: Sequence[str], references: References) -> float:
 
     With a single candidate every word occurs in each document, so that the score is 0.
     """
-    from pycocoevalcap.cider.cider import Cider
-
-    texts, truths = _checked(candidates, references)
-    return float(Cider().compute_score(truths, texts)[0])
+    return float(_cider(candidates, references).mean())
 
 
 def bert_score(
@@ -59,6 +93,29 @@ def bert_score(
         model: path or name of a locally stored Hugging Face encoder; by default the packaged language model.
         layer: the layer whose states are compared; by default the last.
     """
+    return float(_bert_score(candidates, references, model, layer).mean())
+
+
+def _rouge_l(candidates: Sequence[str], references: References) -> np.ndarray:
+    """(N,) of each caption."""
+    from pycocoevalcap.rouge.rouge import Rouge
+
+    texts, truths = _checked(candidates, references)
+    return np.asarray(Rouge().compute_score(truths, texts)[1])
+
+
+def _cider(candidates: Sequence[str], references: References) -> np.ndarray:
+    """(N,) of each caption."""
+    from pycocoevalcap.cider.cider import Cider
+
+    texts, truths = _checked(candidates, references)
+    return np.asarray(Cider().compute_score(truths, texts)[1])
+
+
+def _bert_score(
+    candidates: Sequence[str], references: References, model: str | Path | None = None, layer: int | None = None
+) -> np.ndarray:
+    """(N,) of each caption."""
     from bert_score import BERTScorer
     from transformers.utils import logging
 
@@ -70,15 +127,17 @@ def bert_score(
     if layer is not None and not 1 <= layer <= layers:
         raise InputError("layer", layer, f"must be from 1 to {layers}")
     rows = [index for index, [text] in texts.items() if text.strip()]
+    found = np.zeros(len(texts))
     if not rows:
-        return 0.0
+        return found
     logging.disable_progress_bar()
     try:
         scorer = BERTScorer(model_type=path, num_layers=layer or layers, device="cpu")
     finally:
         logging.enable_progress_bar()
     _, _, scores, *_ = scorer.score([texts[row][0] for row in rows], [truths[row] for row in rows])
-    return float(np.asarray(scores).sum()) / len(texts)
+    found[rows] = np.asarray(scores)
+    return found
 
 
 def caption_scores(
@@ -87,23 +146,24 @@ def caption_scores(
     """All scores of captions at once.
 
     Returns:
-        ``bleu1``, ``bleu4``, ``rouge_l`` in [0, 1], ``cider`` in [0, 10], and with ``bert`` also ``bert_score`` and
-        ``bert_model``, the name of the model behind it.
+        ``bleu1``, ``bleu4``, ``rouge_l`` in [0, 1], ``cider`` in [0, 10], and with ``bert`` also ``bert_score``, each
+        with its 95% interval over captions: of BLEU by `bleu_interval`, of the others, which are means, 1.96 sigma /
+        sqrt(N). With ``bert`` also ``bert_model``, the name of the model behind it.
 
     Raises:
         InputError: no candidates, not one list of references for each, or an empty list or a blank text among these.
     """
-    by_order = bleu(candidates, references)
+    by_order = bleu_interval(candidates, references)
     scores: dict[str, Any] = {
         "bleu1": by_order[0],
         "bleu4": by_order[3],
-        "rouge_l": rouge_l(candidates, references),
-        "cider": cider(candidates, references),
+        "rouge_l": interval(_rouge_l(candidates, references)),
+        "cider": interval(_cider(candidates, references)),
     }
     if bert:
         from motionary.language.frozen import model_name
 
-        scores["bert_score"] = bert_score(candidates, references, model)
+        scores["bert_score"] = interval(_bert_score(candidates, references, model))
         scores["bert_model"] = model_name(model)
     return scores
 

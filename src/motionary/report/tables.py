@@ -85,7 +85,10 @@ def motion_to_text(results: Results, part: str = "all") -> Table | None:
         rows.append([name, *scores, *retrieval, percent(at(report, "action", part, "named"))])
     words = first["language"][part]
     model = f"; BERTScore by {words['bert_model']}" if words.get("bert_model") else ""
-    note = f"{words['items']} test motions; scores on normalized captions{model}."
+    note = (
+        f"{words['items']} test motions; scores on normalized captions{model}; ± is the 95% interval, of these scores"
+        " over captions, of R-precision over repetitions."
+    )
     return Table("Motion to text" if part == "all" else f"Motion to text: {part}", columns, rows, note)
 
 
