@@ -233,6 +233,21 @@ def test_missing_reports_leave_gaps_and_no_errors(reports, tmp_path):
     assert Page(render(Results({"a": bare}))).open == []
 
 
+def test_captions_stand_beside_those_of_a_reader_of_the_labels(reports):
+    assert tables.captions_by_labels(Results.read(reports)) is None  # no report has labels
+    report = captioner_report()
+    interval = {"mean": 0.7, "half": 0.02}
+    report["labels"] = {"seen": {"items": 30, "bleu4": interval, "reader": {"mean": 0.75, "half": 0.01}, "said": 0.5}}
+    report["consensus"] = {**captioner_report(), "draws": 7, "labels": {"unseen": {"items": 4, "bleu4": interval}}}
+    table = tables.captions_by_labels(Results({"y": report}))
+    assert table.rows == [
+        ["a reader who knows both", "0.750 ± 0.010", "100.0%", "-"],
+        ["y", "0.700 ± 0.020", "50.0%", "-"],
+        ["y by consensus of 7 draws", "-", "-", "0.700 ± 0.020"],
+    ]
+    assert table.note.startswith("30 test motions")
+
+
 def test_the_summary_is_flat_numbers(reports):
     found = tables.summary(Results.read(reports))
     assert found["alpha"]["r3"] == generator_report(0.5)["text2motion"]["all"]["r3"]["mean"]

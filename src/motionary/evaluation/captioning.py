@@ -9,6 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from motionary.evaluation.items import Items
+from motionary.evaluation.labels import score_by_labels
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
 from motionary.metrics.intervals import Interval
@@ -35,8 +36,8 @@ def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protoc
     Returns:
         "language": for each part the scores against the normalized captions, and against the raw ones under "raw";
         "motion2text": R-precision and distances of the captions; "action": share of captions that name the action
-        that the reference names; the same three under "consensus"; "real": R-precision and distances of real captions;
-        "examples".
+        that the reference names; "labels": see `score_by_labels`; the same four under "consensus"; "real": R-precision
+        and distances of real captions; "examples".
     """
     references = [[" ".join(s.words) for s in options] for options in items.references]
     raw = [[s.text for s in options] for options in items.references]
@@ -56,7 +57,8 @@ def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protoc
             }
         judged = judged_parts([(judge.sentences(sentences), features, parts)], features, protocol)
         action = {name: named_action(sentences, items, where) for name, where in parts.items()}
-        return {"language": language, "motion2text": _retrieval(judged), "action": action}
+        by_labels = score_by_labels(captions, items)
+        return {"language": language, "motion2text": _retrieval(judged), "action": action, "labels": by_labels}
 
     captions = caption_all(captioner, items, protocol)
     real_text = judge.sentences([options[0] for options in items.references])

@@ -87,7 +87,8 @@ def render(
 
 def _results(results: Results) -> str:
     makers = (
-        tables.text_to_motion, tables.motion_to_text, tables.reconstruction, tables.lengths, tables.nearest_training
+        tables.text_to_motion, tables.motion_to_text, tables.captions_by_labels, tables.reconstruction, tables.lengths,
+        tables.nearest_training,
     )  # fmt: skip
     body = _tables([make(results) for make in makers])
     if body:

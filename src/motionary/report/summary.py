@@ -33,7 +33,12 @@ def markdown(reports: Path) -> str:
     """All result tables as Markdown."""
     results = Results.read(reports)
     styled = [*stylization_tables(results)[1:], classifiers_table(results)]
-    extra = [*styled, tables.nearest_training(results), *tables.parts_tables(results)]
+    extra = [
+        tables.captions_by_labels(results),
+        *styled,
+        tables.nearest_training(results),
+        *tables.parts_tables(results),
+    ]
     return "\n".join(table.markdown() for table in (*main_tables(results), *extra) if table is not None)
 
 

@@ -92,6 +92,26 @@ def motion_to_text(results: Results, part: str = "all") -> Table | None:
     return Table("Motion to text" if part == "all" else f"Motion to text: {part}", columns, rows, note)
 
 
+def captions_by_labels(results: Results) -> Table | None:
+    """Captions of windows with known style and action beside those of a reader who knows both."""
+    systems = {
+        n: r["labels"] for n, r in _with_variants(results.having("language"), "consensus").items() if r.get("labels")
+    }
+    if not systems:
+        return None
+    first = next(iter(systems.values()))
+    rows = [["a reader who knows both", show(at(first, "seen", "reader")), percent(1.0), NONE]]
+    for name, labels in systems.items():
+        seen, said = show(at(labels, "seen", "bleu4")), percent(at(labels, "seen", "said"))
+        rows.append([name, seen, said, show(at(labels, "unseen", "bleu4"))])
+    seen, unseen = (at(first, part, "items") or 0 for part in ("seen", "unseen"))
+    note = (
+        f"{seen} test motions with a style and an action that training saw together, {unseen} with two that it did not."
+        " The reader says what is most frequent in training for both; said: a caption that training has for both."
+    )
+    return Table("Captions and labels", ["", "BLEU-4, seen", "said", "BLEU-4, unseen"], rows, note)
+
+
 def parts_tables(results: Results) -> list[Table]:
     """Both result tables for each part of the test split: every root, human-written and template captions."""
     tables = []
