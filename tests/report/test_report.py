@@ -233,6 +233,14 @@ def test_missing_reports_leave_gaps_and_no_errors(reports, tmp_path):
     assert Page(render(Results({"a": bare}))).open == []
 
 
+def test_every_model_of_a_stage_has_a_row_of_training():
+    losses = {"steps": 10, "best_step": 8, "best_validation_loss": 0.12345}
+    stages = {"plain": {"training": losses}, "many": {"training": losses, "member_2": {**losses, "best_step": 9}}}
+    rows = tables.training(Results({}, stages)).rows
+    assert [row[0] for row in rows] == ["plain", "many", "many: member_2"]
+    assert rows[2][1:] == ["10", "9", "0.1235"]
+
+
 def test_captions_stand_beside_those_of_a_reader_of_the_labels(reports):
     assert tables.captions_by_labels(Results.read(reports)) is None  # no report has labels
     report = captioner_report()

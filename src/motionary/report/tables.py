@@ -162,12 +162,13 @@ def prompts(results: Results) -> Table | None:
 
 
 def training(results: Results) -> Table | None:
-    """What each training stage reported of its curves."""
+    """What each training stage reported of its curves; a stage may train several models."""
     keys = ("steps", "best_step", "best_validation_loss")
     rows = [
-        [name, *(show(report["training"].get(key), 4) for key in keys)]
+        [name if model == "training" else f"{name}: {model}", *(show(found.get(key), 4) for key in keys)]
         for name, report in results.stages.items()
-        if isinstance(report.get("training"), Mapping)
+        for model, found in report.items()
+        if isinstance(found, Mapping) and "best_step" in found
     ]
     return Table("Training", ["stage", "steps", "best step", "best validation loss"], rows) if rows else None
 
