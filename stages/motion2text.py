@@ -9,9 +9,9 @@ from motionary.corpus.batches import Pairs, TokenStore
 from motionary.corpus.store import Corpus
 from motionary.evaluation.tokens import shifted_tokens
 from motionary.models.io import load_model, save_model
-from motionary.models.motion2text import build_members, member_name, member_seed
+from motionary.models.motion2text import build_members, member_seeds
 from motionary.models.tokenizer import Tokenizer
-from motionary.training.run import last_losses, train
+from motionary.training.run import last_losses, train_each
 from motionary.training.stage import Stage, run_stage
 
 
@@ -24,30 +24,19 @@ def main(config):
         tokenizer = stage.input("models/tokenizer")
         tokens = TokenStore.load(tokenizer)
         settings = stage.training()
-        members = build_members(stage.model(), corpus.context, tokenizer.parent, stage.seed)
-        raw, shifts = not members[0].config.tokens, members[0].config.shifts
+        seeds = member_seeds(stage.seed, stage.section["members"])
+        members = build_members(stage.model(), corpus.context, tokenizer.parent, seeds)
+        raw, shifts = not stage.section["tokens"], stage.section["shifts"]
         stores = None if raw else shifted_tokens(corpus, tokens, cast(Tokenizer, load_model(tokenizer)), shifts)
         data = Pairs(corpus, "train", stores, motion=raw, shifts=shifts, **stage.data)
         validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw)
 
-        report = {}
+        by_name = dict(zip(members, seeds, strict=True))
+        histories = train_each(stage, members, data, validation, settings, length_sorted=True, seeds=by_name)
         with stage.publish("models/motion2text") as folder:
-            for number, model in enumerate(members):
-                name = member_name(number)
-                history = train(
-                    stage,
-                    model,
-                    data,
-                    validation,
-                    settings,
-                    length_sorted=True,
-                    name=name,
-                    seed=member_seed(stage.seed, number),
-                    more=number + 1 < len(members),
-                )
-                report[name or "training"] = last_losses(history)
+            for name, model in members.items():
                 save_model(folder / name, "motion2text", model, corpus.context)
-        stage.report(report)
+        stage.report({name or "training": last_losses(history) for name, history in histories.items()})
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from motionary.models.io import load_model, save_model
 from motionary.models.latents import Latents
 from motionary.models.layers import seeded
 from motionary.models.stylization import build, trainable
-from motionary.training.run import last_losses, train
+from motionary.training.run import last_losses, train_each
 from motionary.training.stage import Stage, run_stage
 
 
@@ -30,17 +30,16 @@ def main(config):
         data = Triples(corpus, split.labeled if labeled else split.train, **stage.data)
         held = split.labeled_validation if labeled else split.validation
         validation = Triples(corpus, held, stage.data["window"])
-        report = {}
+        models = {}
+        for setting in trainable(values["settings"], corpus.context):
+            with seeded(stage.seed):
+                models[setting] = build(values, setting, latents, corpus.context, stage.data["window"])
+
+        histories = train_each(stage, models, data, validation, settings)
         with stage.publish("models/stylization") as folder:
-            chosen = trainable(values["settings"], corpus.context)
-            for setting in chosen:
-                with seeded(stage.seed):
-                    model = build(values, setting, latents, corpus.context, stage.data["window"])
-                more = setting != chosen[-1]
-                history = train(stage, model, data, validation, settings, name=setting, more=more)
-                report[setting] = last_losses(history)
+            for setting, model in models.items():
                 save_model(folder / setting, "stylization", model, corpus.context)
-        stage.report(report)
+        stage.report({setting: last_losses(history) for setting, history in histories.items()})
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ def test_training_captions_are_counted_by_style_and_action(items):
 def test_known_combinations_stand_apart_and_beside_the_reader(items):
     truths = [" ".join(several[0].words) for several in items.references]
     captions = [truths[0], "a man jump", truths[2], truths[3], "anything"]
-    found = score_by_labels(captions, items)
+    found = score_by_labels(captions, [[truth] for truth in truths], items, captions_by_labels(items.corpus))
     assert (found["seen"]["items"], found["unseen"]["items"]) == (2, 2)  # without labels: in neither
     assert found["seen"]["said"] == 0.5
     assert found["unseen"]["bleu4"]["mean"] == pytest.approx(1.0)
@@ -62,4 +62,5 @@ def test_known_combinations_stand_apart_and_beside_the_reader(items):
 
 def test_a_corpus_without_labels_has_nothing_to_say(items):
     items.corpus.clips.style[:] = ""
-    assert score_by_labels(["a person walk"] * 5, items) == {}
+    said = ["a person walk"] * 5
+    assert score_by_labels(said, [[text] for text in said], items, captions_by_labels(items.corpus)) == {}

@@ -23,7 +23,7 @@ from motionary.models.motion2text import (
     Motion2TextConfig,
     build,
     build_members,
-    member_name,
+    member_seeds,
     open_captioner,
 )
 from motionary.models.tokenizer import Tokenizer, TokenizerConfig
@@ -253,7 +253,7 @@ def test_bad_motions_are_named(context):
     with pytest.raises(InputError, match="heads"):
         model(context, width=33)
     with pytest.raises(InputError, match=r"motion2text.members: 0: must be at least 1"):
-        model(context, members=0)
+        member_seeds(0, 0)
 
 
 @pytest.mark.parametrize("tokens", [True, False])
@@ -299,11 +299,12 @@ def test_members_are_trained_from_seeds_of_their_own_and_open_together(context, 
         tokenizer = Tokenizer(TokenizerConfig(codes=CODES, code_dim=8, width=16, fine_width=16), context)
     save_model(tmp_path / "tokenizer", "tokenizer", tokenizer, context)
     settings = {"width": 32, "heads": 4, "layers": 1, "feed_forward": 8, "members": 3}
-    members = build_members(settings, context, tmp_path, seed=5)
-    weights = [member.words.weight for member in members]
+    members = build_members(settings, context, tmp_path, member_seeds(5, 3))
+    weights = [member.words.weight for member in members.values()]
     assert len({float(weight.detach().sum()) for weight in weights}) == 3
-    assert torch.equal(weights[0], build_members({**settings, "members": 1}, context, tmp_path, 5)[0].words.weight)
-    for number, member in enumerate(members):
-        save_model(tmp_path / "motion2text" / member_name(number), "motion2text", member, context)
+    alone = build_members({**settings, "members": 1}, context, tmp_path, member_seeds(5, 1))
+    assert torch.equal(weights[0], alone[""].words.weight)
+    for name, member in members.items():
+        save_model(tmp_path / "motion2text" / name, "motion2text", member, context)
     opened = open_captioner(tmp_path)
     assert [torch.equal(a.words.weight, b) for a, b in zip(opened.members, weights, strict=True)] == [True] * 3

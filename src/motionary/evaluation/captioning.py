@@ -9,7 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from motionary.evaluation.items import Items
-from motionary.evaluation.labels import score_by_labels
+from motionary.evaluation.labels import captions_by_labels, score_by_labels
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
 from motionary.metrics.intervals import Interval
@@ -41,7 +41,7 @@ def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protoc
     """
     references = [[" ".join(s.words) for s in options] for options in items.references]
     raw = [[s.text for s in options] for options in items.references]
-    parts = items.parts(items.choose(0))
+    parts, known = items.parts(items.choose(0)), captions_by_labels(items.corpus)
     features = judge.motions(items.features)
 
     def scores(captions: list[str]) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protoc
             }
         judged = judged_parts([(judge.sentences(sentences), features, parts)], features, protocol)
         action = {name: named_action(sentences, items, where) for name, where in parts.items()}
-        by_labels = score_by_labels(captions, items)
+        by_labels = score_by_labels(captions, references, items, known)
         return {"language": language, "motion2text": _retrieval(judged), "action": action, "labels": by_labels}
 
     captions = caption_all(captioner, items, protocol)
@@ -116,7 +116,4 @@ def _actions(sentence: Sentence) -> set[str]:
 
 def _rounded(scores: dict[str, Any]) -> dict[str, Any]:
     """Intervals as reports hold them; what is none stays."""
-    return {
-        name: {"mean": round(v.mean, 5), "half": round(v.half, 5)} if isinstance(v, Interval) else v
-        for name, v in scores.items()
-    }
+    return {name: v.report() if isinstance(v, Interval) else v for name, v in scores.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,12 @@ from motionary.evaluation.items import Items
 from motionary.metrics.language import bleu_interval
 
 
-def score_by_labels(captions: Sequence[str], items: Items) -> dict[str, Any]:
+def score_by_labels(
+    captions: Sequence[str],
+    references: Sequence[Sequence[str]],
+    items: Items,
+    known: Mapping[tuple[str, str], Counter[str]],
+) -> dict[str, Any]:
     """Captions of windows with a style and an action, apart by whether training saw the two together.
 
     Where many wordings mean the same, even a reader who knows both labels cannot guess the one that a window got: the
@@ -21,21 +26,21 @@ def score_by_labels(captions: Sequence[str], items: Items) -> dict[str, Any]:
 
     Args:
         captions: one normalized caption for each item.
+        references: the normalized captions of each item.
         items: the test windows.
+        known: training captions, from `captions_by_labels`.
 
     Returns:
         {"seen", "unseen"}, each {"items", "bleu4" of the captions}; "seen" also {"reader": BLEU-4 of the reader,
         "said": share of captions that training has for the same labels}. What has fewer than two windows is left out.
     """
-    clips, known = items.corpus.clips, captions_by_labels(items.corpus)
+    clips = items.corpus.clips
     labels = [(str(clips.style[row]), str(clips.action[row])) for row in items.rows]
     labeled = [i for i, pair in enumerate(labels) if all(pair)]
-    references = [[" ".join(s.words) for s in options] for options in items.references]
 
     def bleu4(texts: Sequence[str], where: Sequence[int]) -> dict[str, float]:
         """BLEU-4 with its interval."""
-        found = bleu_interval(texts, [references[i] for i in where])[3]
-        return {"mean": round(found.mean, 5), "half": round(found.half, 5)}
+        return bleu_interval(texts, [references[i] for i in where])[3].report()
 
     report = {}
     for name, seen in (("seen", True), ("unseen", False)):

@@ -41,11 +41,7 @@ class Protocol:
 
 def summarize(rows: Sequence[Mapping[str, float]]) -> dict[str, dict[str, float]]:
     """{metric: {"mean", "half"}} over repetitions; half is the 95% interval's half width."""
-    out = {}
-    for name in rows[0]:
-        found = interval([row[name] for row in rows])
-        out[name] = {"mean": round(float(found.mean), 6), "half": round(float(np.nan_to_num(found.half)), 6)}
-    return out
+    return {name: interval([row[name] for row in rows]).report() for name in rows[0]}
 
 
 def judged(

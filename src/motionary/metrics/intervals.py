@@ -31,6 +31,10 @@ class Interval:
         """Upper end."""
         return self.mean + self.half
 
+    def report(self) -> dict[str, float]:
+        """As reports hold it: {"mean", "half"}, the half 0 where one value alone gave none."""
+        return {"mean": round(self.mean, 6), "half": round(0.0 if np.isnan(self.half) else self.half, 6)}
+
     def __str__(self) -> str:
         return f"{self.mean:.3f} ± {self.half:.3f}"
 

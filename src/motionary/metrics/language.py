@@ -23,11 +23,7 @@ def bleu(candidates: Sequence[str], references: References, order: int = 4) -> t
 
     The brevity penalty takes the reference nearest in length; nothing is smoothed but zero counts, which count 1e-15.
     """
-    from pycocoevalcap.bleu.bleu import Bleu
-
-    texts, truths = _checked(candidates, references)
-    scores, _ = Bleu(order).compute_score(truths, texts, verbose=0)
-    return tuple(float(score) for score in scores)
+    return tuple(map(float, _bleu_scorer(candidates, references, order).compute_score("closest")[0]))
 
 
 def bleu_interval(
@@ -46,21 +42,17 @@ def bleu_interval(
         draws: resamples of N captions each.
         generator: draws them; seed 0 where None.
     """
-    from pycocoevalcap.bleu.bleu_scorer import BleuScorer
-
     if draws < 2:
         raise InputError("draws", draws, "must be at least 2")
-    scores = bleu(candidates, references, order)
-    texts, truths = _checked(candidates, references)
-    scorer = BleuScorer(n=order)
-    for index, [text] in texts.items():
-        scorer += (text, truths[index])
+    scorer = _bleu_scorer(candidates, references, order)
+    scores = map(float, scorer.compute_score("closest")[0])
     counts = [
         [c["testlen"], min((abs(n - c["testlen"]), n) for n in c["reflen"])[1], *c["correct"], *c["guess"]]
         for c in scorer.ctest
     ]
     generator = generator or np.random.default_rng(0)
-    weights = generator.multinomial(len(texts), np.full(len(texts), 1 / len(texts)), size=draws)
+    number = len(counts)
+    weights = generator.multinomial(number, np.full(number, 1 / number), size=draws)
     length, nearest, *rest = (weights @ np.array(counts, dtype=np.float64)).T
     correct, guess = np.array(rest[:order]), np.array(rest[order:])
     precision = np.log(np.maximum(correct, 1e-15) / np.maximum(guess, 1e-9)).cumsum(0)
@@ -94,6 +86,17 @@ def bert_score(
         layer: the layer whose states are compared; by default the last.
     """
     return float(_bert_score(candidates, references, model, layer).mean())
+
+
+def _bleu_scorer(candidates: Sequence[str], references: References, order: int) -> Any:
+    """What counts the runs of words of each caption."""
+    from pycocoevalcap.bleu.bleu_scorer import BleuScorer
+
+    texts, truths = _checked(candidates, references)
+    scorer = BleuScorer(n=order)
+    for index, [text] in texts.items():
+        scorer += (text, truths[index])
+    return scorer
 
 
 def _rouge_l(candidates: Sequence[str], references: References) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -73,8 +73,6 @@ class Motion2Text(nn.Module):
             raise InputError("motion2text.width", config.width, f"must be divisible by heads={config.heads}")
         if not 1 <= config.shifts <= context.unit:
             raise InputError("motion2text.shifts", config.shifts, f"must lie in 1..{context.unit}")
-        if config.members < 1:
-            raise InputError("motion2text.members", config.members, "must be at least 1")
         self.config, self.context = config, context
         self.start_token, self.end_token, self.pad_token = config.codes, config.codes + 1, config.codes + 2
         words = len(context.vocabulary)
@@ -187,17 +185,19 @@ def member_name(number: int) -> str:
     return f"member_{number + 1}" if number else ""
 
 
-def member_seed(seed: int, number: int) -> int:
-    """Seed of a member; runs of neighboring seeds share none."""
-    return seed + 1009 * number
+def member_seeds(seed: int, members: int) -> list[int]:
+    """Seeds of the members, first that of the run; runs of neighboring seeds share none."""
+    if members < 1:
+        raise InputError("motion2text.members", members, "must be at least 1")
+    return [seed + 1009 * number for number in range(members)]
 
 
-def build_members(settings: Mapping[str, Any], context: Context, models: Path, seed: int) -> list[Motion2Text]:
-    """The fresh members of a captioner, see `build`."""
-    members: list[Motion2Text] = []
-    while not members or len(members) < members[0].config.members:
-        with seeded(member_seed(seed, len(members))):
-            members.append(build(settings, context, models))
+def build_members(settings: Mapping[str, Any], context: Context, models: Path, seeds: Sequence[int]) -> dict[str, Any]:
+    """A fresh member of a captioner for each seed, by the name of its folder; see `build`."""
+    members = {}
+    for number, seed in enumerate(seeds):
+        with seeded(seed):
+            members[member_name(number)] = build(settings, context, models)
     return members
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from motionary.corpus.batches import Batches, Dataset
 from motionary.training.curves import draw_curves, write_curves
@@ -15,68 +17,73 @@ VALIDATION_BATCH = 64
 
 
 def train(
+    stage: Stage, model, data: Dataset, validation: Dataset, settings: TrainSettings, length_sorted: bool = False
+) -> History:
+    """Trains the one model of `stage`; see `train_each`."""
+    return train_each(stage, {"": model}, data, validation, settings, length_sorted)[""]
+
+
+def train_each(
     stage: Stage,
-    model,
+    models: Mapping[str, Any],
     data: Dataset,
     validation: Dataset,
     settings: TrainSettings,
     length_sorted: bool = False,
-    name: str = "",
-    seed: int | None = None,
-    more: bool = False,
-) -> History:
-    """Trains `model` for `stage` and leaves it on the CPU in eval mode.
+    seeds: Mapping[str, int] | None = None,
+) -> dict[str, History]:
+    """Trains the models of `stage` one after another and leaves them on the CPU in eval mode.
 
     Args:
-        stage: the running stage: its inputs must have been asked for before, since they name the checkpoint.
-        model: a :class:`motionary.training.loop.System`.
+        stage: the running stage: its inputs must have been asked for before, since they name the checkpoints.
+        models: each a :class:`motionary.training.loop.System`, by the name that its checkpoint and curves bear; "" is
+            the stage's.
         data: the training split.
         validation: what early stopping and the validation curves watch.
         settings: of the loop.
         length_sorted: put items of similar length into one batch (see corpus.batches.Batches).
-        name: distinguishes several models of one stage, also in its curves.
-        seed: of this model's training; None is the stage's.
-        more: the stage trains further models after this one.
+        seeds: of each model's training; None is the stage's for all.
 
-    Under ``torchrun`` only the first process returns from the last training of a stage; the others end here, since it
-    writes what follows.
+    Returns:
+        what happened, by the same names. Under ``torchrun`` only the first process returns; the others end here, since
+        it writes what follows.
     """
     set_threads(int(stage.values["threads"]))
     fabric = make_fabric(stage.values["device"], stage.values["precision"])
-    first = fabric.global_rank == 0
-    label, prefix = name or stage.name, f"{name}_" if name else ""
-    seed = stage.seed if seed is None else seed
-    batches = Batches(
-        data,
-        settings.batch_size,
-        seed,
-        drop_last=True,
-        rank=fabric.global_rank,
-        world=fabric.world_size,
-        length_sorted=length_sorted,
-    )
-
-    def log(step: int, values: dict[str, float]) -> None:
-        stage.tracker.log(step, {f"{prefix}{key}": value for key, value in values.items()})
-
-    history = fit(
-        model,
-        batches,
-        Batches(validation, min(settings.batch_size, VALIDATION_BATCH), shuffle=False),
-        settings,
-        fabric,
-        checkpoint=stage.cache / f"{label}.safetensors",
-        seed=seed,
-        log=log if first else None,
-        description=label,
-    )
-    model.to("cpu")
-    if first:
-        write_curves(history, stage.figure_path(f"{prefix}curves.csv"))
-        stage.figure(f"{prefix}curves", draw_curves(history, label))
-    elif not more:
+    held = Batches(validation, min(settings.batch_size, VALIDATION_BATCH), shuffle=False)
+    histories = {}
+    for name, model in models.items():
+        seed = seeds[name] if seeds else stage.seed
+        batches = Batches(
+            data,
+            settings.batch_size,
+            seed,
+            drop_last=True,
+            rank=fabric.global_rank,
+            world=fabric.world_size,
+            length_sorted=length_sorted,
+        )
+        label = name or stage.name
+        log = _logger(stage, name) if fabric.global_rank == 0 else None
+        checkpoint = stage.cache / f"{label}.safetensors"
+        histories[name] = fit(model, batches, held, settings, fabric, checkpoint, seed, log, label)
+        model.to("cpu")
+    if fabric.global_rank > 0:
         sys.exit(0)
-    return history
+    for name, history in histories.items():
+        curves = _prefixed(name, "curves")
+        write_curves(history, stage.figure_path(f"{curves}.csv"))
+        stage.figure(curves, draw_curves(history, name or stage.name))
+    return histories
+
+
+def _prefixed(name: str, what: str) -> str:
+    return f"{name}_{what}" if name else what
+
+
+def _logger(stage: Stage, name: str) -> Callable[[int, dict[str, float]], None]:
+    """Logs the values of one of the stage's models under its name."""
+    return lambda step, values: stage.tracker.log(step, {_prefixed(name, key): v for key, v in values.items()})
 
 
 def last_losses(history: History) -> dict[str, float]:
