@@ -14,7 +14,7 @@ from motionary.metrics.language import bleu
 ROWS = [  # split, style, action, captions
     ("train", "old", "walk", ["an old person walks forward slowly", "an old person takes a walk"]),
     ("train", "old", "walk", ["an old person takes a walk"]),
-    ("train", "young", "walk", ["a young person walks forward"]),
+    ("train", "young", "walk", ["a young person walks forward", "a young person walks forward again", "hop", "hop"]),
     ("train", "", "walk", ["a person walks around in a circle"]),
     ("test", "old", "walk", ["an old person walks forward slowly"]),
     ("test", "young", "walk", ["a young person walks forward"]),

@@ -15,7 +15,7 @@ from motionary.decoding import beam_search, sample, uniform_noise
 from motionary.errors import InputError
 from motionary.language import END, PAD, START, UNKNOWN
 from motionary.models.captioner import Captioner
-from motionary.models.consensus import consensus
+from motionary.models.consensus import agreement, consensus
 from motionary.models.io import load_model, save_model
 from motionary.models.layers import seeded
 from motionary.models.motion2text import (
@@ -245,6 +245,17 @@ def test_consensus_prefers_the_wording_that_overlaps_with_all_others():
     assert ranked[-1] == "jump"
     assert len(ranked) == 5
     assert consensus(["jump"], ["", "walk"]) == ["jump"]
+
+
+def test_agreement_is_smoothed_bleu_of_one_sentence():
+    found = agreement(["walk walk", "walk", "a man walk on"], ["walk", "walk walk", "a man walk on"])
+    # One match of two words, and nothing longer: 1/2 and three times (0 + 1) / (1 + 1). Shorter: e^(1 - 2/1) besides.
+    np.testing.assert_allclose(found[0, 0], 0.5)
+    np.testing.assert_allclose(found[1, 1], 0.5**0.75 * np.exp(-1))
+    np.testing.assert_allclose(found[1, 0], 0.5**0.75)
+    np.testing.assert_allclose(found[2, 2], 1)
+    # A word that both say twice counts twice: 2/2, one pair (1 + 1) / (1 + 1), nothing longer.
+    np.testing.assert_allclose(found[0, 1], 0.5**0.5)
 
 
 def test_bad_motions_are_named(context):

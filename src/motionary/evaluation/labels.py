@@ -11,6 +11,7 @@ import numpy as np
 from motionary.corpus.store import Corpus
 from motionary.evaluation.items import Items
 from motionary.metrics.language import bleu_interval
+from motionary.models.consensus import consensus
 
 
 def score_by_labels(
@@ -22,7 +23,7 @@ def score_by_labels(
     """Captions of windows with a style and an action, apart by whether training saw the two together.
 
     Where many wordings mean the same, even a reader who knows both labels cannot guess the one that a window got: the
-    caption most frequent in training for the same labels says how far such a reader comes.
+    training caption that agrees best with all others for the same labels says how far such a reader comes.
 
     Args:
         captions: one normalized caption for each item.
@@ -49,9 +50,15 @@ def score_by_labels(
             continue
         report[name] = {"items": len(where), "bleu4": bleu4([captions[i] for i in where], where)}
         if seen:
-            report[name]["reader"] = bleu4([known[labels[i]].most_common(1)[0][0] for i in where], where)
+            agreed = {pair: _agreed(known[pair]) for pair in {labels[i] for i in where}}
+            report[name]["reader"] = bleu4([agreed[labels[i]] for i in where], where)
             report[name]["said"] = round(float(np.mean([captions[i] in known[labels[i]] for i in where])), 4)
     return report
+
+
+def _agreed(counts: Counter[str]) -> str:
+    """The caption that agrees best with all of these."""
+    return consensus(list(counts), list(counts.elements()))[0]
 
 
 def captions_by_labels(corpus: Corpus) -> dict[tuple[str, str], Counter[str]]:

@@ -107,7 +107,7 @@ def captions_by_labels(results: Results) -> Table | None:
     seen, unseen = (at(first, part, "items") or 0 for part in ("seen", "unseen"))
     note = (
         f"{seen} test motions with a style and an action that training saw together, {unseen} with two that it did not."
-        " The reader says what is most frequent in training for both; said: a caption that training has for both."
+        " The reader says the training caption for both that agrees best with the others; said: one of those captions."
     )
     return Table("Captions and labels", ["", "BLEU-4, seen", "said", "BLEU-4, unseen"], rows, note)
 
