@@ -45,9 +45,9 @@ class Table:
         return total / (len(sequence) + 1) ** penalty
 
 
-def test_averaged_states_search_as_one_model_of_their_geometric_mean():
+def test_averaged_states_search_as_one_model_of_their_mean():
     apart, mean = Table(items=6), Table(items=3)
-    mean.logits = torch.log_softmax(apart.logits, -1).view(3, 2, WORDS, WORDS, WORDS).mean(1)
+    mean.logits = torch.softmax(apart.logits, -1).view(3, 2, WORDS, WORDS, WORDS).mean(1).log()
     start = torch.full((3,), START)
     expected = beam_search(mean, mean.first(3), start, END, 3, 2, 5, banned=(START,))
     found = beam_search(Averaged([apart], 2), [apart.first(6)], start, END, 3, 2, 5, banned=(START,))

@@ -7,6 +7,7 @@ ended leave the batch, so nothing is computed for them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -33,8 +34,8 @@ class Decoder(Protocol):
 class Averaged:
     """One decoder out of several models, and of several sources that mean the same to each.
 
-    Every row stands for `ways` neighboring rows of each model and continues by the geometric mean of their
-    distributions. Its state is a list of those of the models.
+    Every row stands for `ways` neighboring rows of each model and continues by the mean of their distributions. Its
+    state is a list of those of the models.
     """
 
     def __init__(self, models: Sequence[Decoder], ways: int = 1):
@@ -45,7 +46,8 @@ class Averaged:
         tokens = tokens.repeat_interleave(self.ways)
         steps = [model.step(own, tokens) for model, own in zip(self.models, state, strict=True)]
         scores = torch.stack([torch.log_softmax(logits.float(), dim=-1) for logits, _ in steps])
-        return scores.unflatten(1, (-1, self.ways)).mean((0, 2)), [own for _, own in steps]
+        mean = scores.unflatten(1, (-1, self.ways)).logsumexp((0, 2)) - math.log(len(self.models) * self.ways)
+        return mean, [own for _, own in steps]
 
     def reorder(self, state: list[Any], index: Tensor) -> list[Any]:
         """See :class:`Decoder`."""

@@ -207,7 +207,7 @@ def test_readings_and_members_are_averaged_in_the_search_and_take_turns_in_draws
     for _ in range(made.config.most_words):  # greedy by hand, without a cache
         given = torch.tensor([words] * 3)
         logits = [net.logits(*source, given)[:, -1] for net, source in zip(made.members, sources, strict=True)]
-        scores = torch.cat(logits).log_softmax(-1).mean(0)
+        scores = torch.cat(logits).softmax(-1).mean(0)
         scores[[PAD, START, UNKNOWN]] = -torch.inf  # what is never said
         if len(words) == 1:
             scores[END] = -torch.inf

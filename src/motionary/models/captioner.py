@@ -54,7 +54,8 @@ class Captioner:
             consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
                 search alone (the paper's).
 
-        Beam search averages over the members and over the `shifts` that they were trained with; draws take turns.
+        Beam search takes the mean probability of each word over the members and over the `shifts` that they were
+        trained with; draws take turns.
 
         Returns:
             for each motion, its captions: normalized words joined by spaces.
