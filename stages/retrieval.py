@@ -12,13 +12,14 @@ from motionary.training.stage import Stage, run_stage
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
 @run_stage
 def main(config):
-    """data/corpus, models/evaluator -> models/retrieval"""
+    """data/corpus, models/evaluator -> models/retrieval, reports/retrieval.json"""
     with Stage("retrieval", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
         judge = Judge(stage.input("models/evaluator").parent, batch_size=stage.section["batch_size"])
         motions = judge.motions([corpus.features(i) for i in range(len(corpus))], progress="embed")
         with stage.publish("models/retrieval") as folder:
             Index(motions, judge.hash).save(folder)
+        stage.report({"windows": len(corpus), "evaluator": judge.hash})
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import importlib
 
 import yaml
 
-from motionary.training.dependencies import INFRASTRUCTURE, rewrite, stage_dependencies
+from motionary.training.dependencies import INFRASTRUCTURE, code_dependencies, code_hash, rewrite
 
 # Stages without a model of their own.
 PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "report"}
@@ -60,9 +60,33 @@ def test_dependencies_follow_relative_lazy_and_inner_imports(tmp_path):
     stage = tmp_path / "stages" / "s.py"
     stage.parent.mkdir()
     stage.write_text("from motionary.a import Thing, Other\n")
-    found = stage_dependencies(tmp_path, stage)
+    found = code_dependencies(tmp_path, stage)
     names = [path.removeprefix("src/motionary/") for path in found]
     assert names == ["a/__init__.py", "a/more.py", "a/thing.py", "b.py", "c.py", "stages/s.py"]
+    before = code_hash(tmp_path, "s")
+    (package / "a" / "unused.py").write_text("unused = True\n")
+    assert code_hash(tmp_path, "s") == before
+    (package / "c.py").write_text("used = True\n")
+    assert code_hash(tmp_path, "s") != before
+
+
+def test_code_of_the_models_that_a_stage_reads_counts_although_they_are_opened_by_name(repository):
+    for name in ("retrieval", "evaluation"):
+        deps = stages(repository)[name]["deps"]
+        assert "models/evaluator" in deps
+        assert "src/motionary/models/evaluator.py" in deps
+    # Which system a stage evaluates is not known to the map: its code comes by the report of its stage.
+    evaluated = stages(repository)["evaluation"]["deps"]
+    assert {"models/${item}", "reports/${item}.json"} <= set(evaluated)
+    params = yaml.safe_load((repository / "params.yaml").read_text())
+    for system in params["evaluation"]["systems"]:
+        assert stages(repository)[system]["metrics"] == [f"reports/{system}.json"]
+
+
+def test_the_page_depends_on_every_report_that_it_shows(repository):
+    shown = {path for name, stage in stages(repository).items() for path in stage.get("metrics", [])}
+    shown -= {"reports/summary.json", "reports/retrieval.json", "reports/evaluation/${item}.json"}
+    assert shown <= set(stages(repository)["report"]["deps"])
 
 
 def test_what_is_called_infrastructure_exists(repository):

@@ -103,7 +103,7 @@ def test_a_stage_run_has_params_curves_figures_and_tags(project):
     assert run.data.params["tokenizer.codes"] == "8"
     assert run.data.tags["dvc.stage"] == "tokenizer"
     assert len(run.data.tags["git.commit"]) == 40
-    assert {"hash.params", "hash.inputs"} <= run.data.tags.keys()
+    assert {"hash.params", "hash.inputs", "hash.code"} <= run.data.tags.keys()
     steps = [point.step for point in client.get_metric_history(run.info.run_id, "validation/loss")]
     assert steps == [2, 4, 6]
     names = {file.path for file in client.list_artifacts(run.info.run_id, "figures")}
@@ -181,6 +181,23 @@ def test_a_killed_stage_continues_to_the_weights_of_an_unbroken_one(project):
     shutil.rmtree(project.root / ".cache" / "autoencoder")
     project.run("dvc", "repro", "-f", "-s", "autoencoder")
     assert (project.root / "models" / "autoencoder" / "model.safetensors").read_bytes() == resumed
+
+
+def test_a_stage_whose_code_changed_is_trained_anew(project):
+    """Its finished checkpoint is of other code; edited back, DVC still has the first outcome."""
+    weights, report = project.root / "models" / "tokenizer" / "model.safetensors", "reports/tokenizer.json"
+    project.run("dvc", "repro", LAST)
+    before, code = weights.read_bytes(), json.loads((project.root / report).read_text())["code"]
+    module = project.root / "src" / "motionary" / "models" / "tokenizer.py"
+    text = module.read_text()
+    still = "\n_loss = Tokenizer.loss\nTokenizer.loss = lambda *given: (0 * _loss(*given)[0], {})\n"
+    module.write_text(text + still)
+    assert project.ran(project.run("dvc", "repro", LAST)) == ["tokenizer"]
+    assert weights.read_bytes() != before
+    assert json.loads((project.root / report).read_text())["code"] != code
+    module.write_text(text)
+    assert project.ran(project.run("dvc", "repro", LAST)) == []
+    assert weights.read_bytes() == before
 
 
 def _set(overrides: list[str], *more: str) -> list[str]:

@@ -1,5 +1,5 @@
-"""Which modules a stage file uses, found in its imports: ``python -m motionary.training.dependencies`` writes them
-into dvc.yaml, so that a stage runs again exactly when code that can change its outputs has changed."""
+"""Which modules a stage uses, found in its imports: ``python -m motionary.training.dependencies`` writes them into
+dvc.yaml, so that a stage runs again exactly when code that can change its outputs has changed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ import ast
 import re
 import sys
 from pathlib import Path
+
+import yaml
+
+from motionary.training.workspace import content_hash
 
 # Bookkeeping that cannot change what a stage computes.
 INFRASTRUCTURE = frozenset(
@@ -16,6 +20,7 @@ INFRASTRUCTURE = frozenset(
         "errors",
         "training/__init__",
         "training/curves",
+        "training/dependencies",
         "training/stage",
         "training/tracking",
         "training/workspace",
@@ -23,10 +28,10 @@ INFRASTRUCTURE = frozenset(
 )
 
 
-def stage_dependencies(root: Path, stage_file: Path) -> list[str]:
-    """Sorted paths, relative to `root`, of the stage file and of every project module that it reaches."""
+def code_dependencies(root: Path, *files: Path) -> list[str]:
+    """Sorted paths, relative to `root`, of these files and of every project module that they reach."""
     found: set[Path] = set()
-    queue = [stage_file]
+    queue = list(files)
     while queue:
         file = queue.pop()
         if file in found:
@@ -36,6 +41,11 @@ def stage_dependencies(root: Path, stage_file: Path) -> list[str]:
             queue += _imported(root / "src", file)
     paths = {path.relative_to(root).as_posix() for path in found}
     return sorted(paths - INFRASTRUCTURE)
+
+
+def code_hash(root: Path, stage: str) -> str:
+    """Hash of the code of a stage: its file and every project module that this reaches."""
+    return content_hash(*(root / path for path in code_dependencies(root, root / "stages" / f"{stage}.py")))
 
 
 def _imported(source: Path, file: Path) -> list[Path]:
@@ -109,21 +119,27 @@ def _package(init: Path) -> str:
 
 
 def rewrite(root: Path) -> str:
-    """The text of dvc.yaml with every stage's code dependencies brought up to date."""
+    """The text of dvc.yaml with every stage's code dependencies brought up to date.
+
+    These are what its file imports and the code of each model that it reads, since models are opened by name.
+    """
     text = (root / "dvc.yaml").read_text()
+    stages = {name: stage.get("do", stage) for name, stage in yaml.safe_load(text)["stages"].items()}
     out: list[str] = []
-    stage = None
+    files: list[Path] = []
     for line in text.splitlines():
-        command = re.search(r"python (stages/\w+\.py)", line)
+        command = re.search(r"python stages/(\w+)\.py", line)
         if command:
-            stage = command.group(1)
-        if re.match(r"\s+- (stages|src)/", line) and "${" not in line:
+            read = re.findall(r"^models/(\w+)$", "\n".join(stages[command.group(1)]["deps"]), re.MULTILINE)
+            files = [root / "src" / "motionary" / "models" / f"{name}.py" for name in read]
+            files.append(root / "stages" / f"{command.group(1)}.py")
+        if re.match(r"\s+- (stages|src)/", line):
             continue
         out.append(line)
-        if stage and re.match(r"\s+deps:\s*$", line):
+        if files and re.match(r"\s+deps:\s*$", line):
             indent = re.match(r"\s+", line).group()  # type: ignore[union-attr]
-            out += [f"{indent}  - {path}" for path in stage_dependencies(root, root / stage)]
-            stage = None
+            out += [f"{indent}  - {path}" for path in code_dependencies(root, *files)]
+            files = []
     return "\n".join(out) + "\n"
 
 

@@ -15,6 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from motionary.errors import InputError
 from motionary.inputs import check_whole
+from motionary.training.dependencies import code_hash
 from motionary.training.settings import DATA_KEYS, SEED_KEY, TrainSettings, divide, model_keys, settings_of
 from motionary.training.tracking import Tracker, numbers
 from motionary.training.workspace import Workspace, content_hash, values_hash
@@ -51,6 +52,7 @@ class Stage:
         if "steps" in self.section:
             self.training()  # a bad value is said before anything is read
         self.data = {key: self.section[key] for key in DATA_KEYS if key in self.section}
+        self.code = code_hash(root, name)  # as it is now: edits while the stage runs are not what it ran
         self._sweep = Path(hydra.sweep.dir).resolve() if sweeping else None
         self._inputs: dict[str, Path] = {}
         self._hashed: tuple[tuple[str, ...], str] | None = None
@@ -100,9 +102,9 @@ class Stage:
 
     @property
     def cache(self) -> Path:
-        """Folder for checkpoints of exactly these parameters and inputs, under the real root."""
+        """Folder for checkpoints of exactly these parameters, inputs and code, under the real root."""
         own = self._read("precision") | {"seed": self.seed}
-        key = values_hash([own, self.inputs_hash, os.environ.get("WORLD_SIZE", "1")])
+        key = values_hash([own, self.inputs_hash, self.code, os.environ.get("WORLD_SIZE", "1")])
         return self.workspace.home / ".cache" / self.name / key[:16]
 
     @property
@@ -114,6 +116,7 @@ class Stage:
                 "dvc.exp_name": os.environ.get("DVC_EXP_NAME", ""),
                 "hash.params": values_hash(self._read() | {"seed": self.seed}),
                 "hash.inputs": self.inputs_hash,
+                "hash.code": self.code,
             }
             params = self._read(*SHARED)
             run_name = "-".join(part for part in (self.name, self.label, tags["dvc.exp_name"]) if part)
@@ -128,8 +131,14 @@ class Stage:
         return self.workspace.publish(relative)
 
     def report(self, values: Mapping[str, Any], relative: str | None = None) -> None:
-        """Writes the stage's report and logs its numbers."""
-        path = self.workspace.write_json(relative or f"reports/{self.name}.json", values)
+        """Writes the stage's report and logs its numbers.
+
+        The report that bears the stage's name also names its code: what depends on how the stage's outputs are used,
+        as evaluation does, depends on that report.
+        """
+        if relative is None:
+            relative, values = f"reports/{self.name}.json", {**values, "code": self.code}
+        path = self.workspace.write_json(relative, values)
         self.tracker.log(0, numbers(values))
         self.tracker.artifact(path)
 
