@@ -23,7 +23,7 @@ def main(config):
         settings = {k: v for k, v in stage.section.items() if k not in ("system", "systems")}
         protocol = build(Protocol, settings, "evaluation")
         report = score_system(system, models, corpus, protocol, stage.seed, config.device)
-        stage.report(report, f"reports/evaluation/{system}.json")
+        stage.report(report | {"code": stage.code}, f"reports/evaluation/{system}.json")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from motionary.errors import InputError
 from motionary.evaluation import study as runner
 from motionary.evaluation.comparison import comparisons, measured, study_tables
 from motionary.evaluation.plan import compose, read_study, scoring_stage, sections_read
+from motionary.training.dependencies import code_hash
 
 # The project's own study ------------------------------------------------------------------------------------------
 
@@ -187,6 +188,21 @@ def test_done_means_the_same_configuration(shipped, tmp_path):
     (tmp_path / runner.FOLDER / second.name).mkdir()
     assert not runner.is_done(tmp_path, second), "a folder without a record is a killed one"
     assert not runner.is_done(tmp_path, replace(first, key=second.key)), "another configuration, other results"
+
+
+def test_runs_of_other_code_are_named(shipped, tmp_path):
+    code = tmp_path / "stages" / "tokenizer.py"
+    code.parent.mkdir()
+    code.write_text("first = 1\n")
+    first, second = of_entry(shipped, "main")[:2]
+    for experiment in (first, second):
+        fill(tmp_path, experiment, 0.0)
+    report = tmp_path / runner.FOLDER / second.name / "tokenizer.json"
+    report.write_text(json.dumps({"codes": {"used": 1.0}, "code": code_hash(tmp_path, "tokenizer")}))
+    assert "other code" not in runner.write_results(tmp_path, shipped)
+    code.write_text("second = 2\n")
+    text = runner.write_results(tmp_path, shipped)
+    assert f"Run with other code than the present (--again runs them anew): main ({second.value}).\n" in text
 
 
 def test_results_hang_on_what_their_stages_read(repository):

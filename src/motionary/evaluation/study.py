@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ import yaml
 from motionary.errors import InputError
 from motionary.evaluation.comparison import comparisons, measured, study_tables
 from motionary.evaluation.plan import Experiment, Study, paths_of, read_study, stages_before
+from motionary.training.dependencies import code_hash
 
 FOLDER, RECORD = Path("reports/study"), "experiment.json"
 
@@ -39,6 +41,16 @@ def is_done(root: Path, experiment: Experiment) -> bool:
     except (OSError, ValueError):
         return False
     return record.get("key") == experiment.key
+
+
+def is_current(root: Path, experiment: Experiment, code: Callable[[str], str]) -> bool:
+    """Whether the reports of an experiment that is done name the `code` that its stages have now."""
+    for path in (root / FOLDER / experiment.name).rglob("*.json"):
+        stage = "evaluation" if path.parent.name == "evaluation" else path.stem
+        named = json.loads(path.read_text()).get("code")
+        if named is not None and named != code(stage):
+            return False
+    return True
 
 
 def run_experiment(root: Path, experiment: Experiment) -> bool:
@@ -88,10 +100,14 @@ def write_results(root: Path, study: Study) -> str:
     done = [e for e in study.experiments if is_done(root, e)]
     runs = {e.name: {s: measured(root / FOLDER / e.name, s) for s in e.systems} for e in done}
     missing = [e for e in study.experiments if e not in done]
+    code = cache(lambda stage: code_hash(root, stage))
+    older = [e for e in done if not is_current(root, e, code)]
     found = comparisons(study, runs)
     text = "\n".join(table.markdown() for table in study_tables(study, runs, found))
     if missing:
         text += f"\nNot run yet: {', '.join(_grouped(missing))}.\n"
+    if older:
+        text += f"\nRun with other code than the present (--again runs them anew): {', '.join(_grouped(older))}.\n"
     experiments = {
         e.name: {
             "why": e.why,
