@@ -70,6 +70,28 @@ def test_dependencies_follow_relative_lazy_and_inner_imports(tmp_path):
     assert code_hash(tmp_path, "s") != before
 
 
+def test_dependencies_are_also_the_data_that_modules_name(tmp_path, repository):
+    package = tmp_path / "src" / "motionary"
+    for folder in ("a/tables", "a/modules", "a/unnamed"):
+        (package / folder).mkdir(parents=True)
+    (package / "a" / "__init__.py").write_text('"""Words and tables, in one.json."""\n')
+    (package / "a" / "read.py").write_text('NAMES = "one.json", "tables", "modules"\n')
+    (package / "a" / "modules" / "two.py").write_text("")
+    for name in ("one.json", "other.json", "tables/three.json", "unnamed/four.json"):
+        (package / "a" / name).write_text("{}")
+    stage = tmp_path / "stages" / "s.py"
+    stage.parent.mkdir()
+    stage.write_text("from motionary.a import read\n")
+    found = code_dependencies(tmp_path, stage)
+    names = [path.removeprefix("src/motionary/") for path in found]
+    assert names == ["a/one.json", "a/read.py", "a/tables", "stages/s.py"]
+    before = code_hash(tmp_path, "s")
+    (package / "a" / "tables" / "five.json").write_text("{}")
+    assert code_hash(tmp_path, "s") != before
+    read = ("motion/rigs.json", "motion/skeletons", "language/dictionary.json")
+    assert {f"src/motionary/{name}" for name in read} <= set(stages(repository)["preprocess"]["deps"])
+
+
 def test_code_of_the_models_that_a_stage_reads_counts_although_they_are_opened_by_name(repository):
     for name in ("retrieval", "evaluation"):
         deps = stages(repository)[name]["deps"]

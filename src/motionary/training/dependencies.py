@@ -1,5 +1,8 @@
-"""Which modules a stage uses, found in its imports: ``python -m motionary.training.dependencies`` writes them into
-dvc.yaml, so that a stage runs again exactly when code that can change its outputs has changed."""
+"""Which modules, and which data of the package, a stage uses, found in its imports.
+
+``python -m motionary.training.dependencies`` writes them into dvc.yaml, so that a stage runs again exactly when code
+that can change its outputs has changed.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ INFRASTRUCTURE = frozenset(
 
 
 def code_dependencies(root: Path, *files: Path) -> list[str]:
-    """Sorted paths, relative to `root`, of these files and of every project module that they reach."""
+    """Sorted paths, relative to `root`, of these files, every project module that they reach, and the data of these."""
     found: set[Path] = set()
     queue = list(files)
     while queue:
@@ -38,7 +41,9 @@ def code_dependencies(root: Path, *files: Path) -> list[str]:
             continue
         found.add(file)
         if file.relative_to(root).as_posix() not in INFRASTRUCTURE:
-            queue += _imported(root / "src", file)
+            tree = ast.parse(file.read_text())
+            queue += _imported(root / "src", file, tree)
+            found.update(_data(file, tree))
     paths = {path.relative_to(root).as_posix() for path in found}
     return sorted(paths - INFRASTRUCTURE)
 
@@ -48,10 +53,17 @@ def code_hash(root: Path, stage: str) -> str:
     return content_hash(*(root / path for path in code_dependencies(root, root / "stages" / f"{stage}.py")))
 
 
-def _imported(source: Path, file: Path) -> list[Path]:
+def _data(file: Path, tree: ast.AST) -> list[Path]:
+    """What a module reads of what lies beside it: the files, and the folders of files, that it names in full."""
+    names = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    beside = (path for path in file.parent.iterdir() if path.name in names)
+    return [path for path in beside if path.suffix != ".py" and not any(path.glob("*.py"))]
+
+
+def _imported(source: Path, file: Path, tree: ast.AST) -> list[Path]:
     """Project files that `file` imports anywhere, also inside functions; lazily handed on names count."""
     files: list[Path] = []
-    queue: list[ast.AST] = [ast.parse(file.read_text())]
+    queue: list[ast.AST] = [tree]
     while queue:
         node = queue.pop()
         if isinstance(node, ast.Import):
