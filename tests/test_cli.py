@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -116,6 +117,30 @@ def test_convert_cuts_and_resamples(clip, tmp_path, capsys):
     assert after.fps == 30
     assert after.duration == pytest.approx(before.duration - 0.5, abs=0.06)
     np.testing.assert_allclose(after.positions[0], before.positions[10], atol=1e-3)
+
+
+def test_a_mapping_makes_an_unknown_rig_known(clip, tmp_path, models, capsys):
+    """The same clip with joints that are numbered, and the file that says which is which."""
+    text, mapping = clip.read_text(), {}
+    for number, role in enumerate(read_motion(clip).skeleton.joints):
+        text = re.sub(rf"(ROOT|JOINT) {role}\n", rf"\1 bone{number}\n", text)
+        mapping[role] = f"bone{number}"
+    numbered, told = tmp_path / "numbered.bvh", tmp_path / "rig.json"
+    numbered.write_text(text)
+    told.write_text(json.dumps(mapping))
+    code, _, err = call(capsys, "caption", str(numbered), *models)
+    assert code == 2
+    assert "roles of no known joint" in err
+    assert "--mapping" in err
+    known = call(capsys, "caption", str(clip), *models)
+    assert call(capsys, "caption", str(numbered), "--mapping", str(told), *models) == known
+    target = tmp_path / "out.npz"
+    line = ("convert", str(numbered), str(target), "--skeleton", "smpl22", "--mapping", str(told))
+    assert call(capsys, *line)[0] == 0
+    assert read_motion(target).skeleton.roles.keys() == mapping.keys()
+    told.write_text(json.dumps(mapping | {"head": "bone99"}))
+    code, _, err = call(capsys, *line, "--force")
+    assert (code, err) == (2, f"error: {told}: bone99: no joint of this name in the skeleton\n")
 
 
 @pytest.mark.real

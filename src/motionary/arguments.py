@@ -57,6 +57,7 @@ def _caption_arguments(add: argparse.ArgumentParser) -> None:
     )
     add.add_argument("--system", default="motion2text", help="which system answers (%(default)s)")
     add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
+    _rig_arguments(add)
     _cut_arguments(add)
     _model_arguments(add)
 
@@ -71,6 +72,7 @@ def _stylize_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--format", default="bvh", metavar="A,B", help="bvh, npz, npy, glb, mp4, gif, html (bvh)")
     add.add_argument("--force", action="store_true", help="replace existing files")
     add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
+    _rig_arguments(add)
     _cut_arguments(add)
     _model_arguments(add)
 
@@ -89,6 +91,7 @@ def _convert_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--skeleton", help="retarget to smpl22 or kit21")
     add.add_argument("--caption", help="shown in mp4, gif and html")
     add.add_argument("--force", action="store_true", help="replace an existing file")
+    _rig_arguments(add)
     _cut_arguments(add)
 
 
@@ -112,6 +115,12 @@ def _app_arguments(add: argparse.ArgumentParser) -> None:
 def _prompt_arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("prompts", nargs="*", metavar="PROMPT", help="what to look for; - reads standard input")
     add.add_argument("--file", metavar="FILE", help="prompts from a text file, one a line")
+
+
+def _rig_arguments(add: argparse.ArgumentParser) -> None:
+    add.add_argument(
+        "--mapping", metavar="FILE", help="JSON with the joint's name by role, for a rig that is not known"
+    )
 
 
 def _cut_arguments(add: argparse.ArgumentParser) -> None:

@@ -83,8 +83,7 @@ def caption(options: argparse.Namespace) -> None:
     """Sentences for motion files."""
     from motionary.formats import read_motion
 
-    given = {} if options.fps is None else {"fps": options.fps}
-    motions = [_cut(read_motion(path, **given), options) for path in options.files]
+    motions = [_cut(read_motion(path, options.mapping, fps=options.fps), options) for path in options.files]
     names = ("n", "beams", "system", "seed", "temperature", "consensus")
     found = _load(options).caption(motions, **{name: getattr(options, name) for name in names})
     several = len(found) > 1
@@ -101,7 +100,7 @@ def stylize(options: argparse.Namespace) -> None:
     from motionary.formats import read_motion, write_motion
     from motionary.formats.files import writable
 
-    extensions, given = _extensions(options.format), {} if options.fps is None else {"fps": options.fps}
+    extensions, given = _extensions(options.format), {"mapping": options.mapping, "fps": options.fps}
     motions = [_cut(read_motion(path, **given), options) for path in options.files]
     reference = None if options.reference is None else read_motion(options.reference, **given)
     told = options.style or (Path(options.reference).stem if options.reference else "restyled")
@@ -146,8 +145,7 @@ def convert(options: argparse.Namespace) -> None:
 
     (extension,) = _extensions(Path(options.target).suffix or "none")
     writable(options.target, options.force)
-    given = {} if options.source_fps is None else {"fps": options.source_fps}
-    motion = _cut(read_motion(options.source, **given), options)
+    motion = _cut(read_motion(options.source, options.mapping, fps=options.source_fps), options)
     if options.skeleton is not None:
         motion = retarget(motion, Skeleton.named(options.skeleton))
     if options.fps is not None:
@@ -161,8 +159,7 @@ def view(options: argparse.Namespace) -> None:
     from motionary.formats import read_motion
     from motionary.formats.page import write_page
 
-    given = {} if options.fps is None else {"fps": options.fps}
-    motions = [read_motion(path, **given) for path in options.files]
+    motions = [read_motion(path, fps=options.fps) for path in options.files]
     target = options.out
     if target is None:
         target = Path(tempfile.mkdtemp(prefix="motionary-")) / "motions.html"

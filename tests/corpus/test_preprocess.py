@@ -39,6 +39,25 @@ def test_windows_of_one_clip_share_a_split_and_only_training_is_mirrored(corpus)
     assert set(clips.split) == {"train", "val", "test"}
 
 
+def test_mapping_json_names_the_joints_of_a_folder_whose_rig_is_not_known(tmp_path, motion_of):
+    rig = Skeleton.from_rig("numbered", [f"bone{i}" for i in range(22)], SMPL.parents, SMPL.offsets)
+    for folder, skeleton in (("known/rig", SMPL), ("unknown/rig", rig)):
+        (tmp_path / folder).mkdir(parents=True)
+        for i in range(4):
+            Motion(motion_of(80, i), 20, skeleton).save(tmp_path / folder / f"{i}.npz")
+    build(tmp_path / "known/rig", tmp_path / "first")
+    with pytest.raises(InputError, match=r"mapping\.json in a data folder"):
+        build(tmp_path / "unknown/rig", tmp_path / "second")
+    mapping = tmp_path / "unknown/rig/mapping.json"
+    mapping.write_text(json.dumps(dict(zip(SMPL.joints, rig.joints, strict=True))))
+    report = build(tmp_path / "unknown/rig", tmp_path / "second")
+    assert (report["read"], report["problem_count"]) == (4, 0)
+    np.testing.assert_array_equal(Corpus.open(tmp_path / "first").frames, Corpus.open(tmp_path / "second").frames)
+    mapping.write_text('{"tail": "bone1"}')
+    with pytest.raises(InputError, match=r"mapping\.json: tail: roles are head, "):
+        build(tmp_path / "unknown/rig", tmp_path / "third")
+
+
 def test_windows_tile_the_frames_and_are_whole_units(corpus):
     clips = corpus.clips
     np.testing.assert_array_equal(clips.offset, np.cumsum(clips.length) - clips.length)

@@ -7,7 +7,7 @@ import pytest
 
 from motionary.errors import InputError
 from motionary.formats import read_motion
-from motionary.motion import Motion, Skeleton, canonicalize, heading, mirror, retarget
+from motionary.motion import Motion, Skeleton, canonicalize, heading, mirror, name_joints, retarget
 from motionary.motion.facing import wrap
 
 LIMBS = ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist")
@@ -92,6 +92,23 @@ def test_a_rig_without_known_names_needs_a_mapping(smpl, wriggling):
     mapping = dict(zip(smpl.joints, strange.joints, strict=True))
     result = retarget(Motion(motion.positions, 20, strange), smpl, mapping)
     np.testing.assert_allclose(result.positions, motion.positions, atol=1e-5)
+
+
+def test_a_mapping_adds_to_what_names_tell_and_wins_over_it(smpl, wriggling):
+    """Two joints of a known rig are called otherwise, and one bears the name of another's role."""
+    names = list(smpl.joints)
+    elbow, hand, head = (names.index(role) for role in ("left_elbow", "left_wrist", "head"))
+    names[elbow], names[hand], names[head] = "hinge", "left_elbow", "skull"
+    known = wriggling(smpl)
+    motion = Motion(known.positions, 20, renamed(smpl, names))
+    mapping = {"left_elbow": "hinge", "left_wrist": "left_elbow"}
+    found = name_joints(motion, mapping).skeleton
+    assert found.joints[elbow] == "left_elbow"
+    assert found.joints[hand] == "left_wrist"
+    assert found.joints[head] == "skull"
+    assert found.feet == smpl.feet
+    told = [joint for joint in range(22) if joint != head]  # which takes the shape of the rest pose
+    np.testing.assert_allclose(retarget(motion, smpl, mapping).positions[:, told], known.positions[:, told], atol=1e-5)
 
 
 @pytest.mark.parametrize("frames", [1, 5])

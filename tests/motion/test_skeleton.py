@@ -86,7 +86,14 @@ def test_a_mapping_file_names_joints_by_role(tmp_path):
     path = tmp_path / "map.json"
     path.write_text('{"head": "skull"}')
     assert read_mapping(path, ("body", "skull")) == {"head": 1}
-    for text in ('{"head": "hat"}', '{"tail": "skull"}', "[", "[1]"):
+    for text in (
+        '{"head": "hat"}',
+        '{"tail": "skull"}',
+        '{"head": "skull", "neck": "skull"}',
+        '{"head": 1}',
+        "[",
+        "[1]",
+    ):
         path.write_text(text)
         with pytest.raises(InputError, match=r"map\.json"):
             read_mapping(path, ("body", "skull"))

@@ -31,7 +31,9 @@ from motionary.corpus.humanml3d import HumanML3DSource
 from motionary.errors import InputError
 from motionary.formats import read_motion
 from motionary.motion import Motion, Skeleton
+from motionary.motion.rigs import checked_mapping
 
+MAPPING = "mapping.json"
 KNOWN_SKELETONS = ("smpl22", "kit21")
 
 
@@ -51,10 +53,11 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class FileMotion:
-    """Loader of a motion file; `skeleton` names a known one where the listing does."""
+    """Loader of a motion file; `skeleton` names a known one where the listing does, `mapping` the folder's rig."""
 
     path: str
     skeleton: str = ""
+    mapping: str | None = None
 
     def __call__(self, clip: Clip) -> tuple[Motion, Clip]:
         options = {}
@@ -62,7 +65,7 @@ class FileMotion:
             options["fps"] = clip.fps
         if self.skeleton:
             options["skeleton"] = Skeleton.named(self.skeleton)
-        return read_motion(self.path, **options), clip
+        return read_motion(self.path, mapping=self.mapping, **options), clip
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,8 @@ class DemoMotion:
 class FolderSource:
     """A folder with `clips.jsonl`, or any folder of .bvh, .amc, .npz and .npy files (then without captions).
 
+    Where the folder's rig is not known, its `mapping.json` says which joint plays which role.
+
     Args:
         root: the folder.
         name: its name in clip ids and groups.
@@ -94,9 +99,12 @@ class FolderSource:
 
     def __init__(self, root: Path, name: str, fps: float = 20.0):
         self.root, self.name, self.fps = root, name, fps
+        self.mapping = str(root / MAPPING) if (root / MAPPING).is_file() else None
 
     def clips(self) -> tuple[list[Clip], list[InputError]]:
         """See `Source`; ids are unique, a second line about the same motion is a problem."""
+        if self.mapping is not None:
+            checked_mapping(self.mapping)
         listing = self.root / "clips.jsonl"
         if listing.is_file():
             found, problems = read_listing(listing, self._listed)
@@ -117,7 +125,7 @@ class FolderSource:
         skeleton = label(values, "skeleton", where)
         return Clip(
             id=self._id(relative),
-            load=FileMotion(str(self.root / relative), skeleton if skeleton in KNOWN_SKELETONS else ""),
+            load=FileMotion(str(self.root / relative), skeleton if skeleton in KNOWN_SKELETONS else "", self.mapping),
             where=where,
             group=self.name,
             fps=rate(values, relative, where),
@@ -130,7 +138,7 @@ class FolderSource:
     def _found(self, path: Path) -> Clip:
         fps = self.fps if path.suffix.lower() in BARE_ARRAYS else None
         relative = PurePosixPath(path.relative_to(self.root).as_posix())
-        return Clip(self._id(relative), FileMotion(str(path)), str(path), self.name, fps)
+        return Clip(self._id(relative), FileMotion(str(path), mapping=self.mapping), str(path), self.name, fps)
 
     def _id(self, relative: PurePosixPath) -> str:
         parts = relative.with_suffix("").parts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
@@ -30,11 +31,15 @@ WRITERS = {
 }
 
 
-def read_motion(path: str | os.PathLike, **options: Any) -> Motion:
+def read_motion(
+    path: str | os.PathLike, mapping: Path | str | Mapping[str, str] | None = None, **options: Any
+) -> Motion:
     """Read a motion file by its extension: .bvh, .amc (with its .asf), .npy, .npz.
 
     Args:
         path: the file.
+        mapping: for a rig that is not known, its joint's name by role (a dict or a JSON file): see
+            :func:`motionary.motion.name_joints`.
         options: for that format; ``fps`` for all, ``skeleton`` for arrays, ``unit``, ``up`` and ``skip_first`` for BVH
             and AMC, ``asf`` for AMC. None means not given.
 
@@ -45,7 +50,12 @@ def read_motion(path: str | os.PathLike, **options: Any) -> Motion:
         InputError: unknown extension, or a file that breaks a rule: file, value and rule in one line.
     """
     reader = _function(path, READERS, "read")
-    return reader(path, **_known(reader, path, options))
+    motion = reader(path, **_known(reader, path, options))
+    if mapping is None:
+        return motion
+    from motionary.motion import name_joints
+
+    return name_joints(motion, mapping)
 
 
 def write_motion(motion: Motion, path: str | os.PathLike, force: bool = True, **options: Any) -> Path:

@@ -5,7 +5,7 @@ from motionary.motion.facing import heading
 from motionary.motion.fitting import fit_rotations
 from motionary.motion.kinematics import forward_kinematics
 from motionary.motion.motion import Motion
-from motionary.motion.retargeting import retarget
+from motionary.motion.retargeting import name_joints, retarget
 from motionary.motion.skeleton import Skeleton
 from motionary.motion.transforms import canonicalize, mirror, resample
 
@@ -18,6 +18,7 @@ __all__ = [
     "forward_kinematics",
     "heading",
     "mirror",
+    "name_joints",
     "resample",
     "retarget",
 ]

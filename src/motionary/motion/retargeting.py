@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,30 @@ from motionary.motion.rigs import REQUIRED, read_mapping
 from motionary.motion.rotations import TINY, between
 from motionary.motion.skeleton import Skeleton
 
+UNMAPPED = "roles of no known joint; say which joint plays which: mapping.json in a data folder, --mapping, mapping="
 _COINCIDENT = 1e-3  # metres: nearer than this, a source joint says nothing about its bone
+
+
+def name_joints(motion: Motion, mapping: Path | str | Mapping[str, str]) -> Motion:
+    """The motion with joints called by their roles, so that a rig that is not known is read like one that is.
+
+    Args:
+        motion: on any rig.
+        mapping: the joint's name by role (a dict or a JSON file), of the roles that its own name does not tell. Roles
+            are the SMPL joint names: pelvis, left_hip, left_knee, ...
+
+    Raises:
+        InputError: the mapping is unreadable, or a role or joint is unknown.
+    """
+    skeleton = motion.skeleton
+    given = read_mapping(mapping, skeleton.joints)
+    known = {role: joint for role, joint in skeleton.roles.items() if joint not in given.values()}
+    roles = known | given
+    # A joint without a role may bear the name of one.
+    names = [f"{joint} (other)" if joint in roles else joint for joint in skeleton.joints]
+    for role, joint in roles.items():
+        names[joint] = role
+    return replace(motion, skeleton=Skeleton.from_rig(skeleton.name, names, skeleton.parents, skeleton.offsets))
 
 
 def retarget(motion: Motion, skeleton: Skeleton, mapping: Path | str | Mapping[str, str] | None = None) -> Motion:
@@ -29,12 +53,14 @@ def retarget(motion: Motion, skeleton: Skeleton, mapping: Path | str | Mapping[s
     Args:
         motion: on any rig.
         skeleton: the target.
-        mapping: the source's joint name by role (a dict or a JSON file), for rigs that are not known.
+        mapping: the source's joint name by role, for rigs that are not known: see `name_joints`.
 
     Raises:
         InputError: a role that retargeting needs is missing on either side.
     """
-    source = _correspondence(motion.skeleton, skeleton, mapping)
+    if mapping is not None:
+        motion = name_joints(motion, mapping)
+    source = _correspondence(motion.skeleton, skeleton)
     points = _guess(motion, skeleton, source)
     lengths = skeleton.bone_lengths.astype(np.float64)
     rest = skeleton.codec_directions.astype(np.float64)
@@ -50,18 +76,14 @@ def retarget(motion: Motion, skeleton: Skeleton, mapping: Path | str | Mapping[s
     return Motion(positions, motion.fps, skeleton)
 
 
-def _correspondence(source: Skeleton, target: Skeleton, mapping: Path | str | Mapping[str, str] | None) -> list[int]:
+def _correspondence(source: Skeleton, target: Skeleton) -> list[int]:
     """The source joint of every target joint, -1 where there is none."""
-    if mapping is None and source.joints == target.joints:
+    if source.joints == target.joints:
         return list(range(len(target)))
-    given = source.roles if mapping is None else read_mapping(mapping, source.joints)
-    for skeleton, roles in ((source, given), (target, target.roles)):
-        if missing := [role for role in REQUIRED if role not in roles]:
-            raise InputError(
-                f"skeleton {skeleton.name}",
-                ", ".join(missing),
-                "roles of no known joint; give a mapping from role to joint",
-            )
+    given = source.roles
+    for skeleton in (source, target):
+        if missing := [role for role in REQUIRED if role not in skeleton.roles]:
+            raise InputError(f"skeleton {skeleton.name}", ", ".join(missing), UNMAPPED)
     result = [-1] * len(target)
     for role, joint in target.roles.items():
         result[joint] = given.get(role, -1)

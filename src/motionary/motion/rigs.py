@@ -43,29 +43,45 @@ def find_roles(joints: tuple[str, ...]) -> dict[str, int]:
     return best
 
 
-def read_mapping(path: Path | str | Mapping[str, str], joints: tuple[str, ...]) -> dict[str, int]:
+def read_mapping(given: Path | str | Mapping[str, str], joints: tuple[str, ...]) -> dict[str, int]:
     """A user's own map from role to joint name (a JSON file or a dict), as indices.
 
     Raises:
         InputError: the file is unreadable, or a role or joint is unknown.
     """
-    if isinstance(path, Mapping):
-        mapping, what = dict(path), "mapping"
-    else:
-        what = str(path)
+    mapping = checked_mapping(given)
+    for joint in mapping.values():
+        if joint not in joints:
+            raise InputError(_called(given), joint, "no joint of this name in the skeleton")
+    return {role: joints.index(joint) for role, joint in mapping.items()}
+
+
+def checked_mapping(given: Path | str | Mapping[str, str]) -> dict[str, str]:
+    """Joint name by role, of a JSON file or a dict.
+
+    Raises:
+        InputError: the file is unreadable, a role is unknown, or two roles share a joint.
+    """
+    what, mapping = _called(given), given
+    if not isinstance(given, Mapping):
         try:
-            mapping = json.loads(Path(path).read_text("utf-8"))
+            mapping = json.loads(Path(given).read_text("utf-8"))
         except (OSError, ValueError) as error:
             raise InputError(what, error, "a JSON file with a joint name for each role") from None
-    if not isinstance(mapping, dict):
+    if not isinstance(mapping, Mapping):
         raise InputError(what, mapping, "an object with a joint name for each role")
-    known = set(_rigs()["smpl"])
-    for role, joint in mapping.items():
+    known, roles = _rigs()["smpl"], dict(mapping)
+    for role, joint in roles.items():
         if role not in known:
             raise InputError(what, role, f"roles are {', '.join(sorted(known))}")
-        if joint not in joints:
-            raise InputError(what, joint, "no joint of this name in the skeleton")
-    return {role: joints.index(joint) for role, joint in mapping.items()}
+        if not isinstance(joint, str) or list(roles.values()).count(joint) > 1:
+            raise InputError(f"{what}: {role}", joint, "must be the name of a joint that plays no other role")
+    return roles
+
+
+def _called(given: Path | str | Mapping[str, str]) -> str:
+    """How complaints name a mapping."""
+    return "mapping" if isinstance(given, Mapping) else str(given)
 
 
 def chains_of(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
