@@ -200,5 +200,18 @@ def test_a_stage_whose_code_changed_is_trained_anew(project):
     assert weights.read_bytes() == before
 
 
+def test_checkpoints_of_other_runs_stay_only_while_they_are_unfinished(project):
+    checkpoints = project.root / ".cache" / LAST
+    for other, finished in (("killed", False), ("done", True)):
+        (checkpoints / other).mkdir()
+        (checkpoints / other / f"{LAST}.safetensors").write_bytes(b"weights")
+        if finished:
+            (checkpoints / other / "finished").touch()
+    project.run("dvc", "repro", "-f", "-s", LAST)
+    left = {folder.name: (folder / "finished").exists() for folder in checkpoints.iterdir()}
+    assert left.pop("killed") is False
+    assert list(left.values()) == [True]  # its own
+
+
 def _set(overrides: list[str], *more: str) -> list[str]:
     return [part for override in (*overrides, *more) for part in ("-S", override)]

@@ -50,6 +50,8 @@ def train_each(
     """
     set_threads(int(stage.values["threads"]))
     fabric = make_fabric(stage.values["device"], stage.values["precision"])
+    if fabric.global_rank == 0:
+        stage.forget_finished()
     held = Batches(validation, min(settings.batch_size, VALIDATION_BATCH), shuffle=False)
     histories = {}
     for name, model in models.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from motionary.training.tracking import Tracker, numbers
 from motionary.training.workspace import Workspace, content_hash, values_hash
 
 T = TypeVar("T")
+FINISHED = "finished"  # marks the checkpoints of a run that ended well
 SHARED = ("seed", "device", "precision", "threads", "scale")
 
 
@@ -107,6 +109,13 @@ class Stage:
         key = values_hash([own, self.inputs_hash, self.code, os.environ.get("WORLD_SIZE", "1")])
         return self.workspace.home / ".cache" / self.name / key[:16]
 
+    def forget_finished(self) -> None:
+        """Removes the checkpoints of this stage's other trainings that ended well; a sweep's jobs keep each other's."""
+        if self._sweep is None:
+            for mark in self.cache.parent.glob(f"*/{FINISHED}"):
+                if mark.parent != self.cache:
+                    shutil.rmtree(mark.parent, ignore_errors=True)
+
     @property
     def tracker(self) -> Tracker:
         """The MLflow run, opened at first use."""
@@ -161,6 +170,8 @@ class Stage:
     def __exit__(self, kind, error, trace) -> None:
         if self._tracker is not None:
             self._tracker.close(failed=kind is not None)
+            if kind is None and self.cache.is_dir():
+                (self.cache / FINISHED).touch()
 
 
 def refuse_foreign_overrides(overrides: Sequence[str], stage: str, read: Sequence[str]) -> None:
