@@ -17,6 +17,7 @@ from motionary.corpus.store import Corpus
 from motionary.corpus.tokens import TokenStore
 from motionary.models.io import load_model
 from motionary.models.motion2text import open_captioner
+from motionary.training.dependencies import code_hash
 
 pytestmark = pytest.mark.slow
 
@@ -43,6 +44,7 @@ def test_two_processes_train_every_member(repository, tmp_path):
     first, second = (parameters_to_vector(m.parameters()) for m in open_captioner(root / "models").members)
     assert not torch.allclose(first, second, atol=0.05)
     report = json.loads((root / "reports/motion2text.json").read_text())
+    assert report.pop("code") == code_hash(root, "motion2text")
     assert {name: losses["steps"] for name, losses in report.items()} == {"training": 3, "member_2": 3}
     figures = {path.name for path in (root / "reports/figures/motion2text").iterdir()}
     assert {"curves.csv", "curves.png", "member_2_curves.csv", "member_2_curves.png"} <= figures
