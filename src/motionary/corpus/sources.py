@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -53,19 +53,15 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class FileMotion:
-    """Loader of a motion file; `skeleton` names a known one where the listing does, `mapping` the folder's rig."""
+    """Loader of a motion file; `skeleton` names a known one where the listing does, `mapping` the folder's joints."""
 
     path: str
     skeleton: str = ""
-    mapping: str | None = None
+    mapping: Mapping[str, str] | None = None
 
     def __call__(self, clip: Clip) -> tuple[Motion, Clip]:
-        options = {}
-        if clip.fps is not None:
-            options["fps"] = clip.fps
-        if self.skeleton:
-            options["skeleton"] = Skeleton.named(self.skeleton)
-        return read_motion(self.path, mapping=self.mapping, **options), clip
+        skeleton = Skeleton.named(self.skeleton) if self.skeleton else None
+        return read_motion(self.path, self.mapping, fps=clip.fps, skeleton=skeleton), clip
 
 
 @dataclass(frozen=True)
@@ -99,12 +95,12 @@ class FolderSource:
 
     def __init__(self, root: Path, name: str, fps: float = 20.0):
         self.root, self.name, self.fps = root, name, fps
-        self.mapping = str(root / MAPPING) if (root / MAPPING).is_file() else None
+        self.mapping: Mapping[str, str] | None = None  # read with the clips
 
     def clips(self) -> tuple[list[Clip], list[InputError]]:
         """See `Source`; ids are unique, a second line about the same motion is a problem."""
-        if self.mapping is not None:
-            checked_mapping(self.mapping)
+        mapping = self.root / MAPPING
+        self.mapping = checked_mapping(mapping) if mapping.is_file() else None
         listing = self.root / "clips.jsonl"
         if listing.is_file():
             found, problems = read_listing(listing, self._listed)

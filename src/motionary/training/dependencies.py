@@ -23,7 +23,6 @@ INFRASTRUCTURE = frozenset(
         "errors",
         "training/__init__",
         "training/curves",
-        "training/dependencies",
         "training/stage",
         "training/tracking",
         "training/workspace",
