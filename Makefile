@@ -22,8 +22,8 @@ $(VENV)/.installed: requirements.lock pyproject.toml
 	@touch $@
 
 repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus, unless changed)
-	@python -m motionary.training.params diff
-	@python -m motionary.training.repro $(if $(JOBS),--jobs $(JOBS))
+	@python -m motionary.pipeline.params diff
+	@python -m motionary.pipeline.repro $(if $(JOBS),--jobs $(JOBS))
 	@python -m motionary.report.summary
 
 test: setup  ## all tests
@@ -32,13 +32,13 @@ test: setup  ## all tests
 check: setup  ## fast checks: style, types, generated files
 	@ruff check . && ruff format --check .
 	@pyright --pythonpath $(BIN)/python
-	@python -m motionary.training.dependencies --check
+	@python -m motionary.pipeline.dependencies --check
 
 params: setup  ## recompose params.yaml from conf/
-	@python -m motionary.training.params write
+	@python -m motionary.pipeline.params write
 
 deps: setup  ## bring the code dependencies in dvc.yaml up to date with the imports
-	@python -m motionary.training.dependencies
+	@python -m motionary.pipeline.dependencies
 
 sweep: setup  ## an example sweep: two learning rates of the tokenizer, in parallel
 	@python stages/tokenizer.py -m tokenizer.learning_rate=1e-4,3e-4 hydra/launcher=joblib
@@ -53,7 +53,7 @@ bench: setup  ## one-thread times at the papers' shapes
 	@python -m motionary.bench
 
 study: setup  ## seeds, second split, controls, ablations and baselines on the real clips (hours; continues where it stopped)
-	@python -m motionary.evaluation.study
+	@python -m motionary.study
 
 clean:  ## remove outputs and caches of stages, keep the DVC cache and the tracking database
 	@rm -rf models data/corpus data/sources/root_* reports .cache outputs multirun

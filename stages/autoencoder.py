@@ -6,11 +6,9 @@ import hydra
 from motionary.corpus.batches import Windows
 from motionary.corpus.store import Corpus
 from motionary.evaluation.positions import test_positions
-from motionary.models.autoencoder import Autoencoder, AutoencoderConfig
-from motionary.models.io import save_model
-from motionary.models.layers import seeded
-from motionary.training.run import last_losses, train
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import build, last_losses, train
+from motionary.systems.io import save_model
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -19,9 +17,7 @@ def main(config):
     """data/corpus -> models/autoencoder, reports/autoencoder.json"""
     with Stage("autoencoder", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        model_config, settings = stage.divide(AutoencoderConfig)
-        with seeded(stage.seed):
-            model = Autoencoder(model_config, corpus.context)
+        model, settings = build(stage, corpus.context), stage.training()
         data = Windows(corpus, "train", **stage.data)
         validation = Windows(corpus, "val", stage.data["window"])
 

@@ -4,10 +4,10 @@ from _project import ROOT  # isort: skip
 import hydra
 
 from motionary.corpus.store import Corpus
+from motionary.errors import configure
 from motionary.evaluation.scores import Protocol
 from motionary.evaluation.system import score_system
-from motionary.training.settings import build
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -17,11 +17,9 @@ def main(config):
     system = config.evaluation.system
     with Stage("evaluation", config, ROOT, label=system) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        models = stage.input("models/evaluator").parent
-        for name in ("retrieval", system):
-            stage.input(f"models/{name}")
+        models = stage.serving("retrieval", system)
         settings = {k: v for k, v in stage.section.items() if k not in ("system", "systems")}
-        protocol = build(Protocol, settings, "evaluation")
+        protocol = configure(Protocol, settings, "evaluation")
         report = score_system(system, models, corpus, protocol, stage.seed, config.device)
         stage.report(report | {"code": stage.code}, f"reports/evaluation/{system}.json")
 

@@ -5,11 +5,9 @@ import hydra
 
 from motionary.corpus.batches import Pairs, TokenStore
 from motionary.corpus.store import Corpus
-from motionary.models.inverse_alignment import build
-from motionary.models.io import save_model
-from motionary.models.layers import seeded
-from motionary.training.run import last_losses, train
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import build, last_losses, train
+from motionary.systems.io import save_model
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -18,13 +16,8 @@ def main(config):
     """corpus, tokenizer, motion2text, text2token -> models/inverse_alignment, reports/inverse_alignment.json"""
     with Stage("inverse_alignment", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        tokenizer = stage.input("models/tokenizer")
-        stage.input("models/motion2text")
-        stage.input("models/text2token")
-        tokens = TokenStore.load(tokenizer)
-        settings = stage.training()
-        with seeded(stage.seed):
-            model = build(stage.model(), corpus.context, tokenizer.parent)
+        model, settings = build(stage, corpus.context), stage.training()
+        tokens = TokenStore.load(stage.input(f"models/{model.config.tokenizer}"))
         data = Pairs(corpus, "train", tokens, motion=False, **stage.data)
         validation = Pairs(corpus, "val", tokens, all_captions=True, motion=False)
 

@@ -3,14 +3,12 @@
 from _project import ROOT  # isort: skip
 import hydra
 
+from motionary.corpus.cells import style_split
 from motionary.corpus.labeled import Labeled
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import style_split
-from motionary.models.io import save_model
-from motionary.models.latents import Latents, LatentsConfig
-from motionary.models.layers import seeded
-from motionary.training.run import last_losses, train
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import build, last_losses, train
+from motionary.systems.io import save_model
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -20,12 +18,10 @@ def main(config):
     with Stage("latents", config, ROOT, sections=("styles",)) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
         split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
-        model_config, settings = stage.divide(LatentsConfig)
-        with seeded(stage.seed):
-            model = Latents(model_config, corpus.context)
+        model, settings = build(stage, corpus.context), stage.training()
         report = {}
         stage.figure_path("none").parent.mkdir(exist_ok=True)  # DVC expects the folder
-        if model_config.variant != "none":  # which has nothing to train
+        if model.config.variant != "none":  # which has nothing to train
             window = stage.data["window"]
             validation = Labeled(corpus, split.validation, window, random=False)
             history = train(stage, model, Labeled(corpus, split.train, window), validation, settings)

@@ -7,12 +7,12 @@ import hydra
 
 from motionary.corpus.batches import Pairs, TokenStore
 from motionary.corpus.store import Corpus
-from motionary.evaluation.tokens import shifted_tokens
-from motionary.models.io import load_model, save_model
-from motionary.models.motion2text import build_members, member_seeds
-from motionary.models.tokenizer import Tokenizer
-from motionary.training.run import last_losses, train_each
-from motionary.training.stage import Stage, run_stage
+from motionary.evaluation.codebooks import shifted_tokens
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import build, last_losses, train_each
+from motionary.systems.io import load_model, save_model
+from motionary.systems.protocols import MotionCodec
+from motionary.systems.tm2t.motion2text import member_name, member_seeds
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -21,13 +21,12 @@ def main(config):
     """data/corpus, models/tokenizer -> models/motion2text, reports/motion2text.json"""
     with Stage("motion2text", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        tokenizer = stage.input("models/tokenizer")
+        settings, seeds = stage.training(), member_seeds(stage.seed, stage.section["members"])
+        members = {member_name(i): build(stage, corpus.context, seed) for i, seed in enumerate(seeds)}
+        tokenizer = stage.input(f"models/{members[''].config.tokenizer}")
         tokens = TokenStore.load(tokenizer)
-        settings = stage.training()
-        seeds = member_seeds(stage.seed, stage.section["members"])
-        members = build_members(stage.model(), corpus.context, tokenizer.parent, seeds)
         raw, shifts = not stage.section["tokens"], stage.section["shifts"]
-        stores = None if raw else shifted_tokens(corpus, tokens, cast(Tokenizer, load_model(tokenizer)), shifts)
+        stores = None if raw else shifted_tokens(corpus, tokens, cast(MotionCodec, load_model(tokenizer)), shifts)
         data = Pairs(corpus, "train", stores, motion=raw, shifts=shifts, **stage.data)
         validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw)
 

@@ -3,9 +3,9 @@
 from _project import ROOT  # isort: skip
 import hydra
 
-from motionary.formats.files import write_bytes
+from motionary.files import write_bytes
+from motionary.pipeline.stage import Stage, run_stage
 from motionary.report.build import build_report
-from motionary.training.stage import Stage, run_stage
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")

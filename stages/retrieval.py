@@ -4,9 +4,10 @@ from _project import ROOT  # isort: skip
 import hydra
 
 from motionary.corpus.store import Corpus
-from motionary.models.judge import Judge
-from motionary.models.retrieval import Index
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import trained_inputs
+from motionary.systems.judges.corpus_search import Index
+from motionary.systems.judges.judge import Judge
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -15,7 +16,7 @@ def main(config):
     """data/corpus, models/evaluator -> models/retrieval, reports/retrieval.json"""
     with Stage("retrieval", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        judge = Judge(stage.input("models/evaluator").parent, batch_size=stage.section["batch_size"])
+        judge = Judge(trained_inputs(stage).path("evaluator"), batch_size=stage.section["batch_size"])
         motions = judge.motions([corpus.features(i) for i in range(len(corpus))], progress="embed")
         with stage.publish("models/retrieval") as folder:
             Index(motions, judge.hash).save(folder)

@@ -4,7 +4,7 @@ from _project import ROOT  # isort: skip
 import hydra
 
 from motionary.corpus.sources import inventory
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")

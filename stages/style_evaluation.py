@@ -3,16 +3,17 @@
 from _project import ROOT  # isort: skip
 import hydra
 
+from motionary.corpus.cells import style_split
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import style_split
+from motionary.errors import configure
 from motionary.evaluation.style_figures import draw_codes, many_styles
-from motionary.evaluation.stylization import StyleProtocol, score_stylization
-from motionary.formats.video import render_strip
-from motionary.models.io import choose_device
-from motionary.models.style_evaluator import StyleJudge
-from motionary.models.stylization import open_stylizer
-from motionary.training.settings import build
-from motionary.training.stage import Stage, run_stage
+from motionary.evaluation.style_scores import StyleProtocol, score_stylization
+from motionary.formats.render.video import render_strip
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.systems.io import choose_device, open_system
+from motionary.systems.protocols import StyleClassifier
+from motionary.systems.registry import JUDGE_STYLE, STYLIZE
+from motionary.systems.stylization.style_transfer import StyleTransfer
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -22,10 +23,10 @@ def main(config):
     with Stage("style_evaluation", config, ROOT, sections=("styles",)) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
         split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
-        models = [stage.input(f"models/{name}") for name in ("stylization", "global_motion", "style_evaluator")]
-        device = choose_device(config.device)
-        stylizer, judge = open_stylizer(models[0].parent, device), StyleJudge(models[0].parent, device)
-        protocol = build(StyleProtocol, stage.section, "style_evaluation")
+        models, device = stage.serving("stylization", "style_evaluator"), choose_device(config.device)
+        stylizer: StyleTransfer = open_system("stylization", STYLIZE, models, device)
+        judge: StyleClassifier = open_system("style_evaluator", JUDGE_STYLE, models, device)
+        protocol = configure(StyleProtocol, stage.section, "style_evaluation")
         settings = list(stylizer.stylizers)
 
         found = score_stylization(stylizer, judge, corpus, split, protocol, settings, stage.seed)
@@ -38,7 +39,7 @@ def main(config):
         stage.tracker.artifact(strip, "figures")
         labels = [split.styles[i] for i in split.scored]
         about = {"evaluator": judge.hash, "corpus": corpus.hash, "styles": labels, "repetitions": protocol.repetitions}
-        stage.report({**about, "stylization": found})
+        stage.report({**about, "style_transfer": found})
 
 
 if __name__ == "__main__":

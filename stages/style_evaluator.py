@@ -3,15 +3,14 @@
 from _project import ROOT  # isort: skip
 import hydra
 
+from motionary.corpus.cells import style_split
 from motionary.corpus.labeled import Labeled
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import style_split
 from motionary.evaluation.classifiers import judge_real
-from motionary.models.io import save_model
-from motionary.models.layers import seeded
-from motionary.models.style_evaluator import StyleEvaluator, StyleEvaluatorConfig, StyleJudge
-from motionary.training.run import last_losses, train
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import build, last_losses, train
+from motionary.systems.io import save_model
+from motionary.systems.judges.style_evaluator import StyleJudge
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -22,9 +21,7 @@ def main(config):
         corpus = Corpus.open(stage.input("data/corpus"))
         split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
         labeled = len(split.labeled) > 0
-        model_config, settings = stage.divide(StyleEvaluatorConfig, {"trained": labeled})
-        with seeded(stage.seed):
-            model = StyleEvaluator(model_config, corpus.context)
+        model, settings = build(stage, corpus.context, trained=labeled), stage.training()
         report = {}
         if labeled:
             data = Labeled(corpus, split.labeled, **stage.data)

@@ -1,19 +1,16 @@
 """Trains latent stylization with style labels and without (thesis 5.2.2)."""
 
 from _project import ROOT  # isort: skip
-from typing import cast
 
 import hydra
 
+from motionary.corpus.cells import style_split
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import style_split
 from motionary.corpus.triples import Triples
-from motionary.models.io import load_model, save_model
-from motionary.models.latents import Latents
-from motionary.models.layers import seeded
-from motionary.models.stylization import build, trainable
-from motionary.training.run import last_losses, train_each
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import build, last_losses, train_each
+from motionary.systems.io import save_model
+from motionary.systems.stylization.stylizer import trainable
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -22,7 +19,6 @@ def main(config):
     """data/corpus, models/latents -> models/stylization, reports/stylization.json"""
     with Stage("stylization", config, ROOT, sections=("styles",)) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        latents = cast(Latents, load_model(stage.input("models/latents")))
         split = style_split(corpus, **stage.values["styles"], seed=stage.seed)
         values, settings = stage.model(), stage.training()
         # The thesis drops the label and nothing else: both settings see the same clips.
@@ -30,10 +26,9 @@ def main(config):
         data = Triples(corpus, split.labeled if labeled else split.train, **stage.data)
         held = split.labeled_validation if labeled else split.validation
         validation = Triples(corpus, held, stage.data["window"])
-        models = {}
-        for setting in trainable(values["settings"], corpus.context):
-            with seeded(stage.seed):
-                models[setting] = build(values, setting, latents, corpus.context, stage.data["window"])
+        own = {"window": stage.data["window"]}
+        settled = trainable(values["settings"], corpus.context)
+        models = {setting: build(stage, corpus.context, setting=setting, **own) for setting in settled}
 
         histories = train_each(stage, models, data, validation, settings)
         with stage.publish("models/stylization") as folder:

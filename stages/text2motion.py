@@ -5,12 +5,9 @@ import hydra
 
 from motionary.corpus.batches import Pairs
 from motionary.corpus.store import Corpus
-from motionary.language.vectors import word_vectors
-from motionary.models.io import save_model
-from motionary.models.layers import load_word_vectors, seeded
-from motionary.models.text2motion import build
-from motionary.training.run import last_losses, train
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import build, last_losses, train
+from motionary.systems.io import save_model
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -19,11 +16,7 @@ def main(config):
     """data/corpus, models/autoencoder -> models/text2motion, reports/text2motion.json"""
     with Stage("text2motion", config, ROOT, sections=("language",)) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        models = stage.input("models/autoencoder").parent
-        settings = stage.training()
-        with seeded(stage.seed):
-            model = build(stage.model(), corpus.context, models)
-            load_word_vectors(model, word_vectors(corpus.context.vocabulary, stage.values["language"]["word_vectors"]))
+        model, settings = build(stage, corpus.context), stage.training()
         data = Pairs(corpus, "train", **stage.data)
         validation = Pairs(corpus, "val")
 

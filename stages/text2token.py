@@ -5,12 +5,9 @@ import hydra
 
 from motionary.corpus.batches import Pairs, TokenStore
 from motionary.corpus.store import Corpus
-from motionary.language.vectors import word_vectors
-from motionary.models.io import save_model
-from motionary.models.layers import load_word_vectors, seeded
-from motionary.models.text2token import build
-from motionary.training.run import last_losses, train
-from motionary.training.stage import Stage, run_stage
+from motionary.pipeline.stage import Stage, run_stage
+from motionary.pipeline.train import build, last_losses, train
+from motionary.systems.io import save_model
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -19,12 +16,8 @@ def main(config):
     """data/corpus, models/tokenizer -> models/text2token, reports/text2token.json"""
     with Stage("text2token", config, ROOT, sections=("language",)) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        tokenizer = stage.input("models/tokenizer")
-        tokens = TokenStore.load(tokenizer)
-        settings = stage.training()
-        with seeded(stage.seed):
-            model = build(stage.model(), corpus.context, tokenizer.parent)
-            load_word_vectors(model, word_vectors(corpus.context.vocabulary, stage.values["language"]["word_vectors"]))
+        model, settings = build(stage, corpus.context), stage.training()
+        tokens = TokenStore.load(stage.input(f"models/{model.config.tokenizer}"))
         data = Pairs(corpus, "train", tokens, motion=False, **stage.data)
         validation = Pairs(corpus, "val", tokens, all_captions=True, motion=False)
 

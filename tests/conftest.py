@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))  # with --import-mode=importlib pytest does not
-pytest_plugins = ["tiny"]
+pytest_plugins = ["tiny", "made_batches"]
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHARED_DATA = REPOSITORY.parent / "shared" / "data"

@@ -16,8 +16,8 @@ import yaml
 from PIL import Image
 from tiny import add_stylizers
 
-from motionary.arguments import build_parser
-from motionary.cli import COMMANDS, main
+from motionary.cli.arguments import build_parser
+from motionary.cli.commands import COMMANDS, main
 from motionary.corpus.demo import demo_clip
 from motionary.corpus.sources import FolderSource
 

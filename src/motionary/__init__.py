@@ -1,40 +1,34 @@
 """motionary: a two-way dictionary between human motion and language.
 
-Names are handed on lazily, so that importing one part of the package loads only that part.
+Motions load at once; everything else when it is first asked for.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from motionary.errors import InputError
+from motionary.lazy import hand_on
+from motionary.motion import Motion, Skeleton
+from motionary.motion.motion import save_with
 
 if TYPE_CHECKING:
     from motionary.dictionary import load
-    from motionary.errors import InputError
     from motionary.formats import read_motion
-    from motionary.motion import Motion, Skeleton
 
 __version__ = "0.1.0"
-
-_HOMES = {
-    "InputError": "motionary.errors",
-    "Motion": "motionary.motion",
-    "Skeleton": "motionary.motion",
-    "read_motion": "motionary.formats",
-    "load": "motionary.dictionary",
-}
-_PARTS = ("corpus", "evaluation", "features", "formats", "language", "metrics", "models", "motion", "training")
-
 __all__ = ["InputError", "Motion", "Skeleton", "__version__", "load", "read_motion"]
 
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    if name in _PARTS:
-        return import_module(f"motionary.{name}")
-    raise AttributeError(f"module 'motionary' has no attribute {name!r}")
+_PARTS = ("corpus", "dictionary", "evaluation", "features", "formats", "language", "metrics", "systems", "training")
+_HOMES = {"load": "motionary.dictionary", "read_motion": "motionary.formats"}
+__getattr__, __dir__ = hand_on(__name__, _HOMES | {part: f"motionary.{part}" for part in _PARTS})
 
 
-def __dir__() -> list[str]:
-    return sorted([*__all__, *_PARTS])
+def _save(motion: Motion, path: Path | str, **options: Any) -> None:
+    from motionary.formats import write_motion
+
+    write_motion(motion, path, **options)
+
+
+save_with(_save)  # motion itself knows no file format

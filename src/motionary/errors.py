@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
+from numbers import Integral
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 _LONGEST = 120
 
@@ -44,3 +48,21 @@ def check_values(section: str, config: object, names: Iterable[str], holds: Call
     for name in names:
         if not holds(value := getattr(config, name)):
             raise InputError(f"{section}.{name}", value, rule)
+
+
+def check_whole(name: str, value: Any, least: int) -> None:
+    """InputError unless `value` is a whole number (also of numpy) of at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise InputError(name, value, f"must be a whole number, at least {least}")
+
+
+def configure(cls: type[T], values: Mapping[str, Any], section: str) -> T:
+    """A configuration dataclass from a mapping; a missing or unknown key is an InputError that names `section.key`."""
+    known = {field.name for field in fields(cls)}  # type: ignore[arg-type]
+    for key in values:
+        if key not in known:
+            raise InputError(f"{section}.{key}", values[key], f"unknown key; known are {', '.join(sorted(known))}")
+    try:
+        return cls(**{key: tuple(v) if isinstance(v, list) else v for key, v in values.items()})
+    except TypeError as error:
+        raise InputError(section, sorted(values), str(error).split("__init__() ")[-1]) from error

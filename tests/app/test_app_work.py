@@ -19,7 +19,7 @@ from motionary.app.figures import make_figure
 from motionary.app.player import _places
 from motionary.corpus.demo import demo_clip
 from motionary.errors import InputError
-from motionary.formats.arrays import write_npz
+from motionary.formats.write.array_writer import write_npz
 
 
 @pytest.fixture(scope="module")
@@ -149,8 +149,8 @@ def test_a_page_of_another_site_is_turned_away(pipeline):
 
 
 def test_it_listens_here_alone_unless_told_otherwise():
-    from motionary.arguments import build_parser
-    from motionary.cli import COMMANDS
+    from motionary.cli.arguments import build_parser
+    from motionary.cli.commands import COMMANDS
 
     assert build_parser(COMMANDS).parse_args(["app"]).host == "127.0.0.1"
 

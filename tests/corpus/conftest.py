@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from motionary.corpus import Corpus
 from motionary.corpus.preprocess import preprocess
+from motionary.corpus.store import Corpus
 from motionary.motion import Skeleton
 
 

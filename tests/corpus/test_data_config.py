@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 import yaml
 
-from motionary.corpus import DataConfig
+from motionary.corpus.config import DataConfig
 from motionary.errors import InputError
 
 FOLDER = {"source": "folder", "roots": ["somewhere"]}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from motionary.corpus.demo import demo_clip
-from motionary.corpus.demo.captions import COUNTS, NUMBERS, SPEEDS, captions, names_action
 from motionary.corpus.demo.grammar import ACTIONS, draw
+from motionary.corpus.demo.sentences import COUNTS, NUMBERS, SPEEDS, captions, names_action
 from motionary.corpus.demo.styles import STYLES
 
 

@@ -5,10 +5,10 @@ import pytest
 
 from motionary.corpus.demo import demo_clip, demo_clips
 from motionary.corpus.demo.acts import Act
+from motionary.corpus.demo.body import rig_of
 from motionary.corpus.demo.clip import motion_of, planned
 from motionary.corpus.demo.grammar import ACTIONS, Spec, compose
 from motionary.corpus.demo.plan import sample
-from motionary.corpus.demo.rig import rig_of
 from motionary.corpus.demo.styles import STYLES
 from motionary.errors import InputError
 from motionary.motion import Motion, Skeleton

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from motionary.corpus import Corpus
 from motionary.corpus.preprocess import preprocess
+from motionary.corpus.store import Corpus
 
 DEMO = {"source": "demo", "clips": 40, "seed": 5}
 

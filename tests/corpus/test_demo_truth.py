@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from motionary.corpus.demo.acts import Act
+from motionary.corpus.demo.body import rig_of
 from motionary.corpus.demo.clip import motion_of
 from motionary.corpus.demo.grammar import Spec, compose
 from motionary.corpus.demo.plan import sample
-from motionary.corpus.demo.rig import rig_of
 from motionary.corpus.demo.styles import STYLES
 from motionary.motion import Skeleton
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from motionary.corpus import Corpus
-from motionary.corpus.humanml3d import HumanML3DSource
 from motionary.corpus.preprocess import preprocess
+from motionary.corpus.released import HumanML3DSource
+from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.features import codec
 from motionary.motion import Motion, Skeleton

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from motionary.corpus import Corpus
 from motionary.corpus.preprocess import preprocess
+from motionary.corpus.store import Corpus
 from motionary.corpus.workers import without_bind_pose
 from motionary.errors import InputError
 from motionary.features import codec

@@ -3,18 +3,18 @@
 import numpy as np
 import torch
 
-from motionary.corpus.tokens import TokenStore
-from motionary.evaluation.positions import Reconstructor
-from motionary.evaluation.tokens import shifted_tokens
-from motionary.models.layers import seeded
-from motionary.models.tokenizer import Tokenizer, TokenizerConfig
+from motionary.corpus.token_store import TokenStore
+from motionary.evaluation.codebooks import shifted_tokens
+from motionary.nn.layers import seeded
+from motionary.systems.codec import BatchedCodec
+from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
 
 def test_shifted_tokens_are_those_of_the_rest_of_each_training_window(corpus):
     with seeded(0):
         model = Tokenizer(TokenizerConfig(codes=50, code_dim=8, width=16, fine_width=16), corpus.context).eval()
         model.quantizer.codebook.normal_(std=0.1)
-    tokens = TokenStore.collect(Reconstructor(model).encode([corpus.features(i) for i in range(len(corpus))]))
+    tokens = TokenStore.collect(BatchedCodec(model).encode([corpus.features(i) for i in range(len(corpus))]))
     stores = shifted_tokens(corpus, tokens, model, 3)
     assert len(stores) == 3
     assert stores[0] is tokens

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from motionary.corpus import Corpus
+from motionary.corpus.cells import style_split
 from motionary.corpus.preprocess import preprocess
-from motionary.corpus.styles import style_split
+from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 
 

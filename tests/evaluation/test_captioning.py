@@ -58,8 +58,8 @@ def test_consensus_is_scored_beside_beam_search(items):
     assert report["consensus"]["action"]["all"]["named"] == 1.0
     assert report["action"]["all"]["named"] == 0.0
     # Captions that are the references stand to the motions as the references do.
-    assert report["consensus"]["motion2text"] == report["real"]
-    assert report["motion2text"] != report["real"]
+    assert report["consensus"]["captioning"] == report["real"]
+    assert report["captioning"] != report["real"]
     drawn = [seed for consensus, seeds in parrot.asked if consensus for seed in seeds]
     assert drawn == list(range(len(items)))  # every item its own noise, whatever the batches
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from motionary.corpus.store import Corpus
+from motionary.evaluation.confirmation import confirmed
 from motionary.evaluation.generation import score_generator
 from motionary.evaluation.items import Items, sentence_of
-from motionary.evaluation.oracle import confirmed
 from motionary.evaluation.reconstruction import score_reconstructor
 from motionary.evaluation.scores import Protocol
 
@@ -57,9 +57,9 @@ def test_at_the_real_lengths_a_system_that_fails_only_in_length_is_as_good_as_re
     generator = Still(items.corpus.context.dim)
     report = scored(generator, items)
     held, real = report["real_lengths"], report["real"]
-    assert held["text2motion"] == real
-    assert held["text2motion"]["all"]["fid"]["mean"] == pytest.approx(0, abs=1e-5)
-    assert report["text2motion"]["all"]["fid"]["mean"] > 0.5
+    assert held["generation"] == real
+    assert held["generation"]["all"]["fid"]["mean"] == pytest.approx(0, abs=1e-5)
+    assert report["generation"]["all"]["fid"]["mean"] > 0.5
     assert held["physics"]["generated"]["seconds"] == report["physics"]["real"]["seconds"]
     assert report["physics"]["generated"]["seconds"] == pytest.approx(2.0)
     assert held["oracle"]["captions"].keys() == report["oracle"]["captions"].keys()

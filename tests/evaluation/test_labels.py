@@ -9,7 +9,7 @@ import pytest
 
 from motionary.evaluation.labels import captions_by_labels, score_by_labels
 from motionary.language import annotate
-from motionary.metrics.language import bleu
+from motionary.metrics.captions import bleu
 
 ROWS = [  # split, style, action, captions
     ("train", "old", "walk", ["an old person walks forward slowly", "an old person takes a walk"]),

@@ -7,14 +7,14 @@ import pytest
 from styled import Copier, Perfect, styled_corpus
 from tiny import add_stylizers
 
+from motionary.corpus.cells import style_split
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import style_split
 from motionary.errors import InputError
 from motionary.evaluation.style_draws import HELD_OUT, TARGETS, TEST, UNLABELED, Drawer
 from motionary.evaluation.style_figures import draw_codes, many_styles
 from motionary.evaluation.style_measures import local_rotations, spread, turned
-from motionary.evaluation.stylization import CELL, COPIED_ROOT, COPY, REAL, STYLE, StyleProtocol, score_stylization
-from motionary.models.style_evaluator import StyleJudge
+from motionary.evaluation.style_scores import CELL, COPIED_ROOT, COPY, REAL, STYLE, StyleProtocol, score_stylization
+from motionary.systems.judges.style_evaluator import StyleJudge
 
 PROTOCOL = StyleProtocol(repetitions=4, contents=10, diversity_contents=3, diversity_samples=3, pose_step=8)
 BOTH = ("supervised", "unsupervised")
@@ -207,7 +207,7 @@ def test_bad_settings_are_named():
 
 def test_a_trained_judge_serves(corpus, split):
     """The real judge has what the protocol asks for."""
-    from motionary.models.style_evaluator import StyleEvaluator, StyleEvaluatorConfig
+    from motionary.systems.judges.style_evaluator import StyleEvaluator, StyleEvaluatorConfig
 
     judge = StyleJudge(StyleEvaluator(StyleEvaluatorConfig(width=8, dim=4), corpus.context))
     rows = score(Copier(), corpus, split, ("unsupervised",), judge, StyleProtocol(repetitions=1, contents=6))
@@ -230,11 +230,11 @@ def test_a_corpus_whose_styles_are_too_rare_is_measured_all_the_same(corpus):
 
 def test_the_real_stylizer_is_scored_on_the_demo_corpus(pipeline, tmp_path):
     """Untrained models, whose answers are wrong but have every shape and interface."""
-    from motionary.models.style_evaluator import StyleEvaluator, StyleEvaluatorConfig
-    from motionary.models.stylization import open_stylizer
+    from motionary.systems.io import open_system
+    from motionary.systems.judges.style_evaluator import StyleEvaluator, StyleEvaluatorConfig
 
     add_stylizers(pipeline, tmp_path)
-    corpus, stylizer = Corpus.open(pipeline / "data/corpus"), open_stylizer(tmp_path)
+    corpus, stylizer = Corpus.open(pipeline / "data/corpus"), open_system("stylization", "stylize", tmp_path)
     split = style_split(corpus)
     judge = StyleJudge(StyleEvaluator(StyleEvaluatorConfig(width=8, dim=4), corpus.context))
     settings = list(stylizer.stylizers)

@@ -10,7 +10,7 @@ from motionary.motion import Motion, Skeleton
 
 def walker(skeleton: Skeleton | None = None, frames: int = 20, fps: float = 20.0, seed: int = 0) -> Motion:
     """A figure with smooth random joint rotations, walking along +z; rotations are true."""
-    from motionary.formats.euler import multiply, rotate
+    from motionary.motion.quaternions import multiply, rotate
 
     skeleton = skeleton or Skeleton.named("smpl22")
     rng = np.random.default_rng(seed)

@@ -154,7 +154,7 @@ def test_annotate_wants_strings(texts):
 
 def test_import_loads_neither_tagger_nor_torch():
     code = (
-        "import sys, motionary.language, motionary.metrics.language\n"
+        "import sys, motionary.language, motionary.metrics.captions\n"
         "print([name for name in ('spacy', 'torch', 'transformers', 'spellchecker') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -7,7 +7,7 @@ import pytest
 import sacrebleu
 
 from motionary.errors import InputError
-from motionary.metrics.language import bleu, bleu_interval, caption_scores, cider, rouge_l
+from motionary.metrics.captions import bleu, bleu_interval, caption_scores, cider, rouge_l
 
 CAPTIONS = ["a person walk forward and turn", "someone wave the left hand", "a man kick twice with the right leg"]
 

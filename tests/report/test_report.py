@@ -37,7 +37,7 @@ def generator_report(noise: float) -> dict:
     return {
         "system": "x",
         "evaluator": "abc123",
-        "text2motion": judged(noise),
+        "generation": judged(noise),
         "real": judged(0.1),
         "physics": {"generated": {"foot_skating": 0.07}, "real": {"foot_skating": 0.03}},
         "oracle": {
@@ -57,7 +57,7 @@ def captioner_report() -> dict:
         "system": "y",
         "evaluator": "abc123",
         "language": {"all": words, "styled": words},
-        "motion2text": judged(0.5),
+        "captioning": judged(0.5),
         "real": judged(0.1),
         "action": {"all": {"named": 0.8, "checked": 30}},
         "examples": [{"caption": "a <b> walk", "references": ["A person walks.", "walking"]}],
@@ -140,9 +140,9 @@ def test_rows_of_the_main_table_say_what_the_reports_say(reports):
     assert [row[0] for row in table.rows] == ["real motions", "alpha", "beta"]
     report = generator_report(0.5)
     alpha = dict(zip(table.columns, table.rows[1], strict=True))
-    first = report["text2motion"]["all"]["r1"]
+    first = report["generation"]["all"]["r1"]
     assert alpha["R@1"] == (f"{first['mean']:.3f} ± {first['half']:.3f}" if first["half"] else f"{first['mean']:.3f}")
-    assert alpha["FID"].startswith(f"{report['text2motion']['all']['fid']['mean']:.3f}")
+    assert alpha["FID"].startswith(f"{report['generation']['all']['fid']['mean']:.3f}")
     assert (alpha["Multimodality"], alpha["Oracle: prompts"]) == ("2.000 ± 0.100", "60.0%")
     assert alpha["Foot skating, m/s"] == "0.070"
     assert dict(zip(table.columns, table.rows[0], strict=True))["Oracle: captions"] == "95.0%"
@@ -186,7 +186,7 @@ def test_reconstructed_motions_stand_among_the_generated(reports):
 def test_motions_at_the_real_lengths_are_a_row_below_the_system_s_own(reports):
     alpha = generator_report(0.5)
     alpha["real_lengths"] = {
-        "text2motion": judged(0.2), "physics": {"generated": {"foot_skating": 0.05}},
+        "generation": judged(0.2), "physics": {"generated": {"foot_skating": 0.05}},
         "oracle": {"captions": {"all": {"confirmed": 0.85, "checked": 20}}},
     }  # fmt: skip
     (reports / "evaluation" / "alpha.json").write_text(json.dumps(alpha))
@@ -228,7 +228,7 @@ def test_missing_reports_leave_gaps_and_no_errors(reports, tmp_path):
         del report[key]
         assert Page(render(Results({"a": report}))).open == []
     bare = captioner_report()
-    for key in ("action", "examples", "motion2text", "real"):
+    for key in ("action", "examples", "captioning", "real"):
         del bare[key]
     assert Page(render(Results({"a": bare}))).open == []
 
@@ -258,7 +258,7 @@ def test_captions_stand_beside_those_of_a_reader_of_the_labels(reports):
 
 def test_the_summary_is_flat_numbers(reports):
     found = tables.summary(Results.read(reports))
-    assert found["alpha"]["r3"] == generator_report(0.5)["text2motion"]["all"]["r3"]["mean"]
+    assert found["alpha"]["r3"] == generator_report(0.5)["generation"]["all"]["r3"]["mean"]
     assert found["alpha"]["oracle_prompts"] == 0.6
     assert found["real"]["r1"] == judged(0.1)["all"]["r1"]["mean"]
     assert found["gamma"]["bleu4"] == 0.6

@@ -16,6 +16,7 @@ from motionary.evaluation.scores import Protocol
 from motionary.evaluation.system import score_system
 from motionary.report.build import build_report
 from motionary.report.players import make_examples
+from motionary.systems.registry import known
 
 SYSTEMS = ("inverse_alignment", "motion2text", "retrieval", "tokenizer")
 CONSENSUS = "motion2text by consensus of 40 draws"
@@ -33,7 +34,7 @@ def test_examples_show_what_each_system_offers(pipeline):
         assert len(example.motions) == 3
         assert example.caption in set(corpus.captions.text)
     assert len({example.caption for example in examples}) == 3
-    assert problems == ["nonsense: system: nonsense: must be a system in motionary.models"]
+    assert problems == [f"nonsense: system: nonsense: must be one of {', '.join(known())}"]
     again, _ = make_examples(corpus, pipeline / "models", systems[:1], 3)
     for a, b in zip(examples, again, strict=True):
         assert np.array_equal(a.motions[1].positions, b.motions[1].positions)

@@ -9,7 +9,7 @@ import pytest
 
 from motionary.report.document import render
 from motionary.report.results import Results
-from motionary.report.stylization import classifiers_table, stylization_tables
+from motionary.report.style_tables import classifiers_table, stylization_tables
 from motionary.report.summary import main_tables, markdown
 from motionary.report.tables import summary
 
@@ -27,7 +27,7 @@ REPORT = {
     "evaluator": "abc",
     "styles": ["old", "proud"],
     "repetitions": 30,
-    "stylization": {
+    "style_transfer": {
         "held-out combinations": {
             "items": 64,
             "pool": 477,

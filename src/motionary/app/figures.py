@@ -6,9 +6,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from motionary.formats.figure import COLORS, segments
-from motionary.formats.mesh import mannequin, rest_positions
-from motionary.formats.rig import Track, to_locals
+from motionary.formats.render.figure import COLORS, segments
+from motionary.formats.render.mesh import mannequin, rest_positions
+from motionary.formats.tracks import Track, to_locals
 from motionary.motion import Motion
 from motionary.motion.rotations import between, to_quaternions
 

@@ -11,9 +11,10 @@ from typing import Any
 from motionary.app.figures import LOOKS
 from motionary.app.player import Item, Player
 from motionary.app.work import READABLE, WRITABLE, Workers, file_bytes, read_upload
-from motionary.dictionary import Dictionary
+from motionary.dictionary.dictionary import Dictionary
 from motionary.errors import InputError
 from motionary.motion import Motion
+from motionary.systems.registry import MOTION_TO_TEXT, SEARCH, STYLIZE
 
 _MOST_VARIANTS = 6
 _CHANCE, _REFERENCE = "by chance", "of the reference"
@@ -37,13 +38,12 @@ class Panel:
         self._rows: list[Any] = []
         self.status = self.gui.add_markdown(READY)
         tabs = self.gui.add_tab_group()
-        systems = dictionary.systems
         if generators:
             with tabs.add_tab("Generate"):
                 self._generate_tab(generators)
         with tabs.add_tab("Read"):
-            self._read_tab("motion2text" in systems, "stylization" in systems)
-        if "retrieval" in systems:
+            self._read_tab(bool(dictionary.offering(MOTION_TO_TEXT)), bool(dictionary.offering(STYLIZE)))
+        if dictionary.offering(SEARCH):
             with tabs.add_tab("Search"):
                 self._search_tab()
         self._play_folder()

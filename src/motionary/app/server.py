@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import importlib.util
 import signal
 import socket
 import sys
@@ -19,8 +18,9 @@ from viser.infra._infra import WebsockClientConnection
 
 from motionary.app.panel import Panel
 from motionary.app.work import MOST_BYTES, Workers
-from motionary.dictionary import Dictionary, load
+from motionary.dictionary.dictionary import load
 from motionary.errors import InputError
+from motionary.systems.registry import TEXT_TO_MOTION
 
 
 class _Server(viser.ViserServer):
@@ -73,7 +73,7 @@ class App:
         self.server.scene.add_grid("/floor", width=30, height=30, plane="xz", cell_size=0.5, section_size=2.0)
         # The page draws labels only if it has one when it opens: this one, of a space, under the floor.
         self.server.scene.add_label("/floor/label", " ", position=(0.0, -1.0, 0.0))
-        self.generators = systems_with(self.dictionary, "open_generator")
+        self.generators = self.dictionary.offering(TEXT_TO_MOTION)
         self.server.on_client_connect(self._welcome)
         self.server.on_client_disconnect(self._leave)
         threading.Thread(target=self._warm, daemon=True, name="warm").start()
@@ -128,18 +128,6 @@ def check_port(host: str, port: int) -> None:
         if error.errno == errno.EADDRINUSE:
             raise InputError("--port", port, "in use; choose another") from None
         raise InputError("--host, --port", f"{host}:{port}", error.strerror or "cannot listen there") from None
-
-
-def systems_with(dictionary: Dictionary, opener: str) -> tuple[str, ...]:
-    """The systems in the folder that have an opener of this kind, the usual one first; imports none of them."""
-    from motionary.dictionary import CAPTIONER, GENERATOR
-
-    found = []
-    for name in dictionary.systems:
-        spec = importlib.util.find_spec(f"motionary.models.{name}") if name.isidentifier() else None
-        if spec and spec.origin and f"def {opener}(" in Path(spec.origin).read_text(encoding="utf-8"):
-            found.append(name)
-    return tuple(sorted(found, key=lambda name: (name not in (GENERATOR, CAPTIONER), name)))
 
 
 def is_same_site(headers: Mapping[str, str], origins: Sequence[str] = ()) -> bool:

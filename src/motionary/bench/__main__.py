@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from motionary.bench.cases import CASES
 from motionary.bench.shapes import SMALL, Shapes
-from motionary.bench.work import Case, clock
+from motionary.bench.workload import Case, clock
 from motionary.errors import InputError
 from motionary.report.table import NONE, Table
 

@@ -20,7 +20,7 @@ from motionary.bench.shapes import Shapes
 from motionary.bench.style import stylization, stylize
 from motionary.bench.temporal import prompts, text2length, text2motion
 from motionary.bench.use import first_frame, page, shell
-from motionary.bench.work import Case, Work, clock, noise, training_step
+from motionary.bench.workload import Case, Work, clock, noise, training_step
 
 # Modules of the project are imported by the case that needs them: one that is absent is then reported as such, and
 # the others still run in as little memory as they need.
@@ -42,7 +42,7 @@ def _recover(shapes: Shapes) -> Work:
 
 
 def _tokenizer_model(shapes: Shapes, context: Any):
-    from motionary.models.tokenizer import Tokenizer, TokenizerConfig
+    from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
     config = TokenizerConfig(
         codes=shapes.codes, code_dim=shapes.width, width=shapes.width, fine_width=0, encoder_blocks=1,
@@ -68,7 +68,7 @@ def _tokenizer(shapes: Shapes) -> Work:
 
 
 def _captioner(shapes: Shapes, context: Any):
-    from motionary.models.motion2text import Motion2Text, Motion2TextConfig
+    from motionary.systems.tm2t.motion2text import Motion2Text, Motion2TextConfig
 
     config = Motion2TextConfig(
         codes=shapes.codes, width=shapes.transformer_width, layers=shapes.layers, feed_forward=shapes.feed_forward,
@@ -98,8 +98,8 @@ class _Endless:
 
 
 def _captions(shapes: Shapes) -> Work:
-    from motionary.decoding import beam_search
     from motionary.language import END, START
+    from motionary.nn.decoding import beam_search
 
     model = _captioner(shapes, make_context(shapes)).eval()
     batch = make_batch(shapes.captions, tokens=shapes.tokens, codes=shapes.codes)
@@ -125,7 +125,7 @@ def _generator_settings(shapes: Shapes) -> dict[str, Any]:
 
 
 def _text2token(shapes: Shapes) -> Work:
-    from motionary.models.text2token import Text2Token, Text2TokenConfig
+    from motionary.systems.tm2t.text2token import Text2Token, Text2TokenConfig
 
     forced: dict[str, Any] = {"teacher_forcing_start": 1.0, "teacher_forcing_end": 1.0}
     model = Text2Token(Text2TokenConfig(**_generator_settings(shapes), **forced), make_context(shapes))
@@ -136,7 +136,7 @@ def _text2token(shapes: Shapes) -> Work:
 
 
 def _inverse_alignment(shapes: Shapes) -> Work:
-    from motionary.models.inverse_alignment import InverseAlignment, InverseAlignmentConfig
+    from motionary.systems.tm2t.inverse_alignment import InverseAlignment, InverseAlignmentConfig
 
     context = make_context(shapes)
     model = InverseAlignment(InverseAlignmentConfig(**_generator_settings(shapes)), context)
@@ -146,19 +146,19 @@ def _inverse_alignment(shapes: Shapes) -> Work:
 
 
 def _texts(shapes: Shapes) -> Work:
-    from motionary.models.text2token import Text2Token, Text2TokenConfig
-    from motionary.models.token_generator import Generator
+    from motionary.systems.tm2t.text2token import Text2Token, Text2TokenConfig
+    from motionary.systems.tm2t.token_generator import TokenGenerator
 
     context = make_context(shapes)
     model = Text2Token(Text2TokenConfig(**_generator_settings(shapes)), context)
-    generator = Generator(model, _tokenizer_model(shapes, context).eval())
+    generator = TokenGenerator(model, _tokenizer_model(shapes, context).eval())
     sentences = make_sentences(shapes, shapes.texts)
     frames = [4 * shapes.tokens] * shapes.texts  # random weights would end at random
     return Work(lambda: generator.generate(sentences, list(range(shapes.texts)), frames))
 
 
 def _evaluator(shapes: Shapes) -> Work:
-    from motionary.models.evaluator import Evaluator, EvaluatorConfig
+    from motionary.systems.judges.evaluator import Evaluator, EvaluatorConfig
 
     config = EvaluatorConfig(
         text_width=shapes.text_width, motion_width=shapes.motion_width, dim=shapes.embedding, word_dim=shapes.word_dim,
@@ -170,7 +170,7 @@ def _evaluator(shapes: Shapes) -> Work:
 
 
 def _autoencoder(shapes: Shapes) -> Work:
-    from motionary.models.autoencoder import Autoencoder, AutoencoderConfig
+    from motionary.systems.t2m.autoencoder import Autoencoder, AutoencoderConfig
 
     config = AutoencoderConfig(width=shapes.snippet_width, code_dim=shapes.snippet_width)
     model = Autoencoder(config, make_context(shapes))

@@ -9,13 +9,13 @@ import torch
 
 from motionary.bench.made import make_batch, make_context
 from motionary.bench.shapes import Shapes
-from motionary.bench.work import Work, noise, training_step
+from motionary.bench.workload import Work, noise, training_step
 
 STYLES = tuple(f"style{i}" for i in range(16))  # as many as Aberman et al. recorded
 
 
 def _stylizer(shapes: Shapes):
-    from motionary.models.stylization import StylizationConfig, Stylizer
+    from motionary.systems.stylization.stylizer import StylizationConfig, Stylizer
 
     config = StylizationConfig(
         labels=len(STYLES), width=shapes.style_width, content_dim=shapes.style_width, style_dim=shapes.style_width,
@@ -37,8 +37,8 @@ def stylize(motions: int | None = None) -> Callable[[Shapes], Work]:
 
     def prepare(shapes: Shapes) -> Work:
         """The stylizer, its contents and their labels."""
-        from motionary.models.global_motion import GlobalMotion, GlobalMotionConfig
-        from motionary.models.style_transfer import StyleTransfer
+        from motionary.systems.stylization.global_motion import GlobalMotion, GlobalMotionConfig
+        from motionary.systems.stylization.style_transfer import StyleTransfer
 
         model = _stylizer(shapes)
         root = GlobalMotion(GlobalMotionConfig(width=shapes.style_width // 4), model.context)

@@ -6,12 +6,12 @@ import torch
 
 from motionary.bench.made import make_batch, make_context, make_sentences
 from motionary.bench.shapes import Shapes
-from motionary.bench.work import Work, noise, training_step
+from motionary.bench.workload import Work, noise, training_step
 
 
 def text2length(shapes: Shapes) -> Work:
     """A training step of text2length."""
-    from motionary.models.text2length import Text2Length, Text2LengthConfig
+    from motionary.systems.t2m.text2length import Text2Length, Text2LengthConfig
 
     config = Text2LengthConfig(word_dim=shapes.word_dim, text_width=shapes.text_width)
     model = Text2Length(config, make_context(shapes))
@@ -22,7 +22,7 @@ def text2length(shapes: Shapes) -> Work:
 
 
 def _temporal_model(shapes: Shapes):
-    from motionary.models.text2motion import Text2Motion, Text2MotionConfig
+    from motionary.systems.t2m.text2motion import Text2Motion, Text2MotionConfig
 
     config = Text2MotionConfig(
         word_dim=shapes.word_dim, text_width=shapes.text_width, width=shapes.gru_width,
@@ -41,11 +41,11 @@ def text2motion(shapes: Shapes) -> Work:
 
 def prompts(shapes: Shapes) -> Work:
     """Sentences to motions of a known length, in one batch."""
-    from motionary.models.motion_generator import Generator
-    from motionary.models.text2length import Lengths, Text2Length, Text2LengthConfig
+    from motionary.systems.t2m.motion_generator import MotionGenerator
+    from motionary.systems.t2m.text2length import Lengths, Text2Length, Text2LengthConfig
 
     model = _temporal_model(shapes)
     config = Text2LengthConfig(word_dim=shapes.word_dim, text_width=shapes.text_width)
-    generator = Generator(model, Lengths(Text2Length(config, model.context)))
+    generator = MotionGenerator(model, Lengths(Text2Length(config, model.context)))
     sentences, frames = make_sentences(shapes, shapes.prompts), [4 * shapes.tokens] * shapes.prompts
     return Work(lambda: generator.generate(sentences, list(range(shapes.prompts)), frames))

@@ -15,7 +15,7 @@ import numpy as np
 
 from motionary.bench.made import make_context
 from motionary.bench.shapes import Shapes
-from motionary.bench.work import Work, clock
+from motionary.bench.workload import Work, clock
 
 
 def shell(shapes: Shapes) -> Work:
@@ -106,9 +106,9 @@ def _models(
     from dataclasses import replace
 
     from motionary.language import Vocabulary, annotate
-    from motionary.models.io import save_model
-    from motionary.models.text2token import Text2Token, Text2TokenConfig
-    from motionary.models.tokenizer import Tokenizer, TokenizerConfig
+    from motionary.systems.io import save_model
+    from motionary.systems.tm2t.text2token import Text2Token, Text2TokenConfig
+    from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
     os.environ["OMP_NUM_THREADS"] = "1"
     context = replace(make_context(shapes), vocabulary=Vocabulary.build(annotate(prompts)))

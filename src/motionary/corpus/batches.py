@@ -8,7 +8,7 @@ import numpy as np
 
 from motionary.corpus.batch import Batch, Dataset
 from motionary.corpus.datasets import Pairs, Windows
-from motionary.corpus.tokens import TokenStore
+from motionary.corpus.token_store import TokenStore
 from motionary.errors import InputError
 
 __all__ = ["Batch", "Batches", "Dataset", "Pairs", "TokenStore", "Windows"]

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from motionary.corpus.batch import Batch
 from motionary.corpus.store import Corpus
-from motionary.corpus.tokens import TokenStore
+from motionary.corpus.token_store import TokenStore
 from motionary.errors import InputError
 from motionary.language import PAD, TAGS, Sentence
 

@@ -27,11 +27,11 @@ from motionary.corpus.clips import (
     read_listing,
 )
 from motionary.corpus.config import DataConfig
-from motionary.corpus.humanml3d import HumanML3DSource
+from motionary.corpus.released import HumanML3DSource
 from motionary.errors import InputError
 from motionary.formats import read_motion
 from motionary.motion import Motion, Skeleton
-from motionary.motion.rigs import checked_mapping
+from motionary.motion.roles import checked_mapping
 
 MAPPING = "mapping.json"
 KNOWN_SKELETONS = ("smpl22", "kit21")

@@ -12,14 +12,16 @@ from motionary.evaluation.items import Items
 from motionary.evaluation.labels import captions_by_labels, score_by_labels
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
+from motionary.metrics.captions import caption_scores
 from motionary.metrics.intervals import Interval
-from motionary.metrics.language import caption_scores
-from motionary.models.judge import Judge
+from motionary.systems.protocols import MotionToText, TextMotionJudge
 
 CONSENSUS = 40  # draws, of which one becomes the caption
 
 
-def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protocol) -> dict[str, Any]:
+def score_captioner(
+    captioner: MotionToText, items: Items, judge: TextMotionJudge, protocol: Protocol
+) -> dict[str, Any]:
     """Report of a motion-to-text system.
 
     Captions come from a beam search of size 2 (TM2T 4.3). Where the captioner can draw, "consensus" scores those by
@@ -27,15 +29,14 @@ def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protoc
     best with the references.
 
     Args:
-        captioner: offers ``caption(features, beams) -> list of lists of texts`` (normalized words); with a true
-            attribute `draws` also ``caption(features, beams, seeds=, consensus=)``.
+        captioner: the system's.
         items: captioned test windows.
         judge: the evaluator.
         protocol: repetitions and sizes.
 
     Returns:
         "language": for each part the scores against the normalized captions, and against the raw ones under "raw";
-        "motion2text": R-precision and distances of the captions; "action": share of captions that name the action
+        "captioning": R-precision and distances of the captions; "action": share of captions that name the action
         that the reference names; "labels": see `score_by_labels`; the same four under "consensus"; "real": R-precision
         and distances of real captions; "examples".
     """
@@ -58,7 +59,7 @@ def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protoc
         judged = judged_parts([(judge.sentences(sentences), features, parts)], features, protocol)
         action = {name: named_action(sentences, items, where) for name, where in parts.items()}
         by_labels = score_by_labels(captions, references, items, known)
-        return {"language": language, "motion2text": _retrieval(judged), "action": action, "labels": by_labels}
+        return {"language": language, "captioning": _retrieval(judged), "action": action, "labels": by_labels}
 
     captions = caption_all(captioner, items, protocol)
     real_text = judge.sentences([options[0] for options in items.references])
@@ -69,7 +70,7 @@ def score_captioner(captioner: Any, items: Items, judge: Judge, protocol: Protoc
             {"caption": captions[i], "references": raw[i]} for i in np.linspace(0, len(items) - 1, 12).astype(int)
         ],
     }
-    if getattr(captioner, "draws", False):
+    if captioner.draws:
         agreed = caption_all(captioner, items, protocol, CONSENSUS)
         report["consensus"] = {"draws": CONSENSUS, **scores(agreed)}
     return report
@@ -82,7 +83,7 @@ def _retrieval(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     }
 
 
-def caption_all(captioner: Any, items: Items, protocol: Protocol, consensus: int = 0) -> list[str]:
+def caption_all(captioner: MotionToText, items: Items, protocol: Protocol, consensus: int = 0) -> list[str]:
     """The best caption of every item: of beam search, or by consensus of this many draws."""
     out: list[str] = []
     for start in tqdm(

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from motionary.corpus.cells import StyleSplit
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import StyleSplit
 from motionary.metrics.classification import accuracy, macro_accuracy
-from motionary.models.style_evaluator import StyleJudge
+from motionary.systems.protocols import StyleClassifier
 
 
-def judge_real(judge: StyleJudge, corpus: Corpus, split: StyleSplit) -> dict[str, Any]:
+def judge_real(judge: StyleClassifier, corpus: Corpus, split: StyleSplit) -> dict[str, Any]:
     """Report of the classifiers on the real motions of the held-out cells.
 
     Returns:

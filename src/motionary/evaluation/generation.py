@@ -9,25 +9,31 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from motionary.corpus.context import Context
+from motionary.corpus.encoding import as_features
+from motionary.evaluation.confirmation import confirmed, fitted_oracle
 from motionary.evaluation.items import Items, sentence_of
-from motionary.evaluation.oracle import confirmed, fitted_oracle
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
 from motionary.metrics.distribution import multimodality
-from motionary.metrics.oracle.prompts import PROMPTS, holds
-from motionary.metrics.oracle.reading import read
 from motionary.metrics.physics import foot_skating, jitter
-from motionary.models.judge import Judge
+from motionary.oracle.prompts import PROMPTS, holds
+from motionary.oracle.reading import read
+from motionary.systems.protocols import TextMotionJudge, TextToMotion
 
 
 def score_generator(
-    generator: Any, items: Items, judge: Judge, protocol: Protocol, seed: int = 0, nearest: np.ndarray | None = None
+    generator: TextToMotion,
+    items: Items,
+    judge: TextMotionJudge,
+    protocol: Protocol,
+    seed: int = 0,
+    nearest: np.ndarray | None = None,
 ) -> dict[str, Any]:
     """Report of a text-to-motion system.
 
     Args:
-        generator: offers ``generate(sentences, seeds, frames) -> list of raw features (T, D)``; ``takes_lengths`` says
-            that it holds the frames it is given, and not only cuts what it found.
+        generator: the system's.
         items: captioned test windows.
         judge: the evaluator.
         protocol: repetitions and sizes.
@@ -35,7 +41,7 @@ def score_generator(
         nearest: (M, E) features of the training motions, for the distance to the nearest of them.
 
     Returns:
-        "text2motion" and "real": rows by part; "real" is judged with the same captions and pools. "physics",
+        "generation" and "real": rows by part; "real" is judged with the same captions and pools. "physics",
         "oracle", "multimodality", and "nearest_training". With ``protocol.real_lengths`` and a generator that takes
         lengths also "real_lengths": rows, physics and captions confirmed for motions as long as the real ones ("Ours
         w/ real length" of the thesis's Table 4.2).
@@ -58,7 +64,7 @@ def score_generator(
             "generated": nearest_distance(first.motion, nearest),
             "real": nearest_distance(real, nearest),
         }
-    if protocol.real_lengths and getattr(generator, "takes_lengths", False):
+    if protocol.real_lengths and generator.takes_lengths:
         frames = [len(features) for features in items.features]
         held = [_Draw.make(generator, items, judge, protocol, seed, number, frames) for number in _numbers(protocol)]
         report["real_lengths"] = _scores(held, items, real, protocol)
@@ -77,14 +83,16 @@ class _Draw:
 
     @classmethod
     def make(
-        cls, generator, items: Items, judge: Judge, protocol: Protocol, seed: int, number: int,
+        cls, generator: TextToMotion, items: Items, judge: TextMotionJudge, protocol: Protocol, seed: int, number: int,
         frames: Sequence[int] | None = None,
     ) -> _Draw:  # fmt: skip
         """Generates for repetition `number`; `frames` are lengths to hold, one an item."""
         captions = items.choose(number)
         sentences = [sentence_of(items.corpus, c) for c in captions]
         label = f"generate {number + 1}{'' if frames is None else ', real lengths'}"
-        generated = _generate(generator, sentences, seed + 1_000_003 * number, protocol, label, frames)
+        generated = _generate(
+            generator, items.corpus.context, sentences, seed + 1_000_003 * number, protocol, label, frames
+        )
         return cls(sentences, generated, judge.sentences(sentences), judge.motions(generated), items.parts(captions))
 
 
@@ -96,14 +104,14 @@ def _scores(draws: Sequence[_Draw], items: Items, real: np.ndarray, protocol: Pr
     """What is measured of generations whatever decided their lengths; physics and the oracle read the first."""
     first = draws[0]
     return {
-        "text2motion": judged_parts([(d.text, d.motion, d.parts) for d in draws], real, protocol),
+        "generation": judged_parts([(d.text, d.motion, d.parts) for d in draws], real, protocol),
         "physics": {"generated": _physics(items, first.generated)},
         "oracle": {"captions": confirmed(items, first.sentences, first.generated, first.parts)},
     }
 
 
 def _generate(
-    generator, sentences: Sequence[Sentence], seed: int, protocol: Protocol, label: str,
+    generator: TextToMotion, context: Context, sentences: Sequence[Sentence], seed: int, protocol: Protocol, label: str,
     frames: Sequence[int] | None = None,
 ) -> list[np.ndarray]:  # fmt: skip
     out: list[np.ndarray] = []
@@ -111,8 +119,9 @@ def _generate(
     for start in tqdm(starts, desc=label, unit="batch"):
         rows = slice(start, start + protocol.batch_size)
         part = sentences[rows]
-        held = {} if frames is None else {"frames": frames[rows]}
-        out += generator.generate(part, seeds=[seed + start + i for i in range(len(part))], **held)
+        lengths = None if frames is None else frames[rows]
+        made = generator.generate(part, seeds=[seed + start + i for i in range(len(part))], frames=lengths)
+        out += [as_features(motion, context) for motion in made]
     return out
 
 
@@ -125,10 +134,12 @@ def _physics(items: Items, features: Sequence[np.ndarray]) -> dict[str, float]:
     }
 
 
-def _prompts(generator, items: Items, protocol: Protocol, seed: int) -> dict[str, Any]:
+def _prompts(generator: TextToMotion, items: Items, protocol: Protocol, seed: int) -> dict[str, Any]:
     """The oracle's own prompts about side, direction and speed, several motions each."""
     prompts = [prompt for prompt in PROMPTS for _ in range(protocol.prompt_samples)]
-    generated = _generate(generator, annotate([p.text for p in prompts]), seed + 17, protocol, "prompts")
+    generated = _generate(
+        generator, items.corpus.context, annotate([p.text for p in prompts]), seed + 17, protocol, "prompts"
+    )
     thresholds, motions = fitted_oracle(items.corpus), items.motions(generated)
     verdicts = [holds(read(m, thresholds), p.claims) for m, p in zip(motions, prompts, strict=True)]
     each = np.reshape(verdicts, (-1, protocol.prompt_samples)).mean(1)
@@ -136,13 +147,15 @@ def _prompts(generator, items: Items, protocol: Protocol, seed: int) -> dict[str
     return {"confirmed": round(float(each.mean()), 4), "samples": len(prompts), "each": by_prompt}
 
 
-def _multimodality(generator, items: Items, judge: Judge, protocol: Protocol, seed: int) -> dict[str, Any]:
+def _multimodality(
+    generator: TextToMotion, items: Items, judge: TextMotionJudge, protocol: Protocol, seed: int
+) -> dict[str, Any]:
     """Samples are drawn once; the repetitions draw the pairs."""
     texts, samples = min(protocol.multimodality_texts, len(items)), protocol.multimodality_samples
     rng = np.random.default_rng([seed, 31])
     chosen = items.choose(0)[rng.permutation(len(items))[:texts]]
     sentences = [sentence_of(items.corpus, c) for c in chosen for _ in range(samples)]
-    generated = _generate(generator, sentences, seed + 500_000_003, protocol, "multimodality")
+    generated = _generate(generator, items.corpus.context, sentences, seed + 500_000_003, protocol, "multimodality")
     features = judge.motions(generated).reshape(texts, samples, -1)
     values = [
         multimodality(features, protocol.multimodality_pairs, np.random.default_rng([r, 37]))

@@ -10,8 +10,8 @@ import numpy as np
 
 from motionary.corpus.store import Corpus
 from motionary.evaluation.items import Items
-from motionary.metrics.language import bleu_interval
-from motionary.models.consensus import consensus
+from motionary.language.consensus import consensus
+from motionary.metrics.captions import bleu_interval
 
 
 def score_by_labels(

@@ -10,7 +10,7 @@ import numpy as np
 
 from motionary.corpus.store import Corpus
 from motionary.evaluation.items import Items, sentence_of
-from motionary.models.text2length import Lengths
+from motionary.systems.protocols import TextToLength
 
 
 def length_histogram(corpus: Corpus) -> np.ndarray:
@@ -22,7 +22,7 @@ def length_histogram(corpus: Corpus) -> np.ndarray:
     return counts / counts.sum()
 
 
-def score_lengths(lengths: Lengths, corpus: Corpus, split: str = "test") -> dict[str, Any]:
+def score_lengths(lengths: TextToLength, corpus: Corpus, split: str = "test") -> dict[str, Any]:
     """Report over every caption of a split, for all of them and for each part.
 
     Returns:
@@ -42,7 +42,9 @@ def score_lengths(lengths: Lengths, corpus: Corpus, split: str = "test") -> dict
     }
 
 
-def predicted(lengths: Lengths, corpus: Corpus, captions: Sequence[int] | np.ndarray, batch: int = 256) -> np.ndarray:
+def predicted(
+    lengths: TextToLength, corpus: Corpus, captions: Sequence[int] | np.ndarray, batch: int = 256
+) -> np.ndarray:
     """(N, T_max) distributions for caption rows."""
     sentences = [sentence_of(corpus, caption) for caption in captions]
     parts = [lengths.distribution(sentences[i : i + batch]) for i in range(0, len(sentences), batch)]
@@ -60,7 +62,7 @@ def hits(probabilities: np.ndarray, true: np.ndarray) -> dict[str, float]:
     }
 
 
-def draw_densities(lengths: Lengths, corpus: Corpus, split: str = "test", count: int = 6):
+def draw_densities(lengths: TextToLength, corpus: Corpus, split: str = "test", count: int = 6):
     """Distributions for a few texts with the lengths of all motions so described, as Fig. 4.9: a matplotlib figure."""
     from matplotlib.figure import Figure
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import torch
 
 from motionary.corpus.store import Corpus
 from motionary.metrics.position import mpjpe
-from motionary.models.padding import by_length, pad
+from motionary.systems.codec import BatchedCodec
+from motionary.systems.protocols import MotionCodec
 
 KINDS = ("local", "root", "global")
 
@@ -46,42 +46,10 @@ def position_report(corpus: Corpus, rows: Sequence[int] | np.ndarray, decoded: S
     }
 
 
-class Reconstructor:
-    """Passes motions through a model that offers encode(raw, frames) and decode(codes, count), in batches."""
-
-    def __init__(self, model: Any, device: str = "cpu", batch_size: int = 64):
-        self.model, self.device, self.batch_size = model.to(device).eval(), device, batch_size
-        self.unit = model.context.unit
-
-    @torch.no_grad()
-    def encode(self, features: Sequence[np.ndarray], progress: str | None = None) -> list[np.ndarray]:
-        """Codes (T // unit, ...) of each motion's raw features (T, D)."""
-        out: list[np.ndarray] = [np.zeros(0)] * len(features)
-        for rows in by_length([len(f) for f in features], self.batch_size, progress):
-            batch, frames = pad([features[i] for i in rows])
-            codes = self.model.encode(batch.to(self.device), frames.to(self.device)).cpu().numpy()
-            for i, code in zip(rows, codes, strict=True):
-                out[i] = code[: len(features[i]) // self.unit]
-        return out
-
-    @torch.no_grad()
-    def reconstruct(self, features: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Decoded raw features, each as long as its input floored to whole units."""
-        out: list[np.ndarray] = [np.zeros(0)] * len(features)
-        for rows in by_length([len(f) for f in features], self.batch_size):
-            batch, frames = pad([features[i] for i in rows])
-            batch, frames = batch.to(self.device), frames.to(self.device)
-            count = frames // self.unit
-            decoded = self.model.decode(self.model.encode(batch, frames), count).cpu().numpy()
-            for place, i in enumerate(rows):
-                out[i] = decoded[place, : int(count[place]) * self.unit]
-        return out
-
-
-def test_positions(corpus: Corpus, model: Any) -> dict[str, Any]:
+def test_positions(corpus: Corpus, model: MotionCodec) -> dict[str, Any]:
     """Position errors of the unmirrored test windows through `model`."""
     rows = unmirrored(corpus, "test")
-    return position_report(corpus, rows, Reconstructor(model).reconstruct([corpus.features(i) for i in rows]))
+    return position_report(corpus, rows, BatchedCodec(model).reconstruct([corpus.features(i) for i in rows]))
 
 
 def unmirrored(corpus: Corpus, split: str) -> np.ndarray:

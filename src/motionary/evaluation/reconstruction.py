@@ -4,25 +4,28 @@ from __future__ import annotations
 
 from typing import Any
 
+from motionary.evaluation.confirmation import confirmed
 from motionary.evaluation.items import Items, sentence_of
-from motionary.evaluation.oracle import confirmed
 from motionary.evaluation.positions import position_report, unmirrored
 from motionary.evaluation.scores import Protocol, judged_parts
-from motionary.models.judge import Judge
+from motionary.systems.codec import BatchedCodec
+from motionary.systems.protocols import TextMotionJudge
 
 
-def score_reconstructor(reconstructor: Any, items: Items, judge: Judge, protocol: Protocol) -> dict[str, Any]:
+def score_reconstructor(
+    codec: BatchedCodec, items: Items, judge: TextMotionJudge, protocol: Protocol
+) -> dict[str, Any]:
     """Report of real test motions passed through a system: what its codes lose.
 
     Args:
-        reconstructor: offers ``reconstruct(features) -> list of raw features``.
+        codec: the system's.
         items: captioned test windows.
         judge: the evaluator.
         protocol: repetitions and sizes.
     """
     corpus = items.corpus
     rows = unmirrored(corpus, "test")
-    decoded = reconstructor.reconstruct([corpus.features(i) for i in rows])
+    decoded = codec.reconstruct([corpus.features(i) for i in rows])
     place = {row: i for i, row in enumerate(rows)}
     captions = items.choose(0)
     sentences, of_items = [sentence_of(corpus, c) for c in captions], [decoded[place[row]] for row in items.rows]

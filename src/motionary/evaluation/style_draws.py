@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from motionary.corpus.cells import StyleSplit
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import StyleSplit
 from motionary.errors import InputError
 
 HELD_OUT, TARGETS, UNLABELED = "held-out combinations", "held-out targets", "unlabeled contents"

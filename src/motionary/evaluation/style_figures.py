@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from motionary.corpus.cells import StyleSplit
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import StyleSplit
 from motionary.evaluation.style_draws import pools
 from motionary.motion import Motion
 

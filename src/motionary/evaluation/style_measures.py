@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from motionary.corpus.cells import StyleSplit
 from motionary.corpus.context import Context
 from motionary.corpus.store import Corpus
-from motionary.corpus.styles import StyleSplit
 from motionary.evaluation.style_draws import Draw
 from motionary.metrics.classification import accuracy, macro_accuracy
 from motionary.metrics.distribution import frechet_distance
 from motionary.metrics.physics import foot_skating
 from motionary.metrics.position import geodesic_distance
-from motionary.models.style_evaluator import StyleJudge
 from motionary.motion import Motion, fit_rotations
+from motionary.systems.protocols import StyleClassifier
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Measured:
 class Measures:
     """Measures motions; real ones only once."""
 
-    def __init__(self, judge: StyleJudge, corpus: Corpus):
+    def __init__(self, judge: StyleClassifier, corpus: Corpus):
         self.judge, self.corpus = judge, corpus
         self.codec, self.fps = corpus.context.make_codec(), corpus.context.fps
         self._known: Measured | None = None

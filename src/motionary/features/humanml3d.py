@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.features import rotations as bones
+from motionary.features import bones
 from motionary.motion import Motion, Skeleton
 from motionary.motion.contacts import CONTACT_THRESHOLD, foot_contacts
 from motionary.motion.facing import fill_short, forward_vectors, headings, rotate_y, wrap

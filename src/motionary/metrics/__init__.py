@@ -1,18 +1,19 @@
-"""Scores of motions and captions: distributions, retrieval, positions, physics, language, and the oracle.
+"""Scores of motions and captions: distributions, retrieval, positions, physics, language.
 
 Names are handed on lazily, so that importing one metric loads only what it needs (numpy, for all but language).
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from motionary.lazy import hand_on
 
 if TYPE_CHECKING:
+    from motionary.metrics.captions import bert_score, bleu, bleu_interval, caption_scores, cider, rouge_l
     from motionary.metrics.classification import accuracy, macro_accuracy
     from motionary.metrics.distribution import diversity, frechet_distance, halves_distance, multimodality
     from motionary.metrics.intervals import Interval, interval, paired_bootstrap, paired_interval
-    from motionary.metrics.language import bert_score, bleu, bleu_interval, caption_scores, cider, rouge_l
     from motionary.metrics.physics import floating, foot_skating, jitter, penetration
     from motionary.metrics.position import (
         PositionErrors,
@@ -54,12 +55,11 @@ __all__ = [
     "r_precision",
     "rouge_l",
 ]
-_PARTS = ("classification", "distribution", "intervals", "language", "oracle", "physics", "position", "retrieval")
-_HOMES = {
+_NAMES = {
     "classification": ("accuracy", "macro_accuracy"),
+    "captions": ("bert_score", "bleu", "bleu_interval", "caption_scores", "cider", "rouge_l"),
     "distribution": ("diversity", "frechet_distance", "halves_distance", "multimodality"),
     "intervals": ("Interval", "interval", "paired_bootstrap", "paired_interval"),
-    "language": ("bert_score", "bleu", "bleu_interval", "caption_scores", "cider", "rouge_l"),
     "physics": ("floating", "foot_skating", "jitter", "penetration"),
     "position": (
         "PositionErrors",
@@ -71,16 +71,5 @@ _HOMES = {
     ),
     "retrieval": ("multimodal_distance", "r_precision"),
 }
-
-
-def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"motionary.metrics.{home}"), name)
-    if name in _PARTS:
-        return import_module(f"motionary.metrics.{name}")
-    raise AttributeError(f"module 'motionary.metrics' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted([*__all__, *_PARTS])
+_HOMES = {name: f"{__name__}.{part}" for part, names in _NAMES.items() for name in (part, *names)}
+__getattr__, __dir__ = hand_on(__name__, _HOMES)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.metrics.arrays import matrix
+from motionary.metrics.inputs import matrix
 
 
 def frechet_distance(a: Any, b: Any) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.metrics.arrays import matrix, same_shape
+from motionary.metrics.inputs import matrix, same_shape
 
 # Two-sided 95% quantiles of Student's t by degrees of freedom (scipy is no dependency); beyond, a series in 1/df.
 _T95 = (12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060, 2.2622, 2.2281)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.metrics.arrays import matrix, same_shape
+from motionary.metrics.inputs import matrix, same_shape
 
 if TYPE_CHECKING:
     from motionary.motion import Motion

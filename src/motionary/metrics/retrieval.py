@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.metrics.arrays import matrix, same_shape
+from motionary.metrics.inputs import matrix, same_shape
 
 _TIE = 1e-5  # of the mean squared distance in the pool: what float32 features of one caption differ by between batches
 

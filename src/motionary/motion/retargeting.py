@@ -11,7 +11,7 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.motion.facing import fill_short
 from motionary.motion.motion import Motion
-from motionary.motion.rigs import REQUIRED, read_mapping
+from motionary.motion.roles import REQUIRED, read_mapping
 from motionary.motion.rotations import TINY, between
 from motionary.motion.skeleton import Skeleton
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.motion.rigs import chains_of, find_roles, pairs_of
+from motionary.motion.roles import chains_of, find_roles, pairs_of
 
 NAMED = ("smpl22", "kit21")
 

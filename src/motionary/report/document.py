@@ -11,10 +11,10 @@ from string import Template
 from typing import Any
 
 from motionary.report import tables
-from motionary.report.corpus import corpus_tables
+from motionary.report.corpus_table import corpus_tables
 from motionary.report.players import Example, players_html
 from motionary.report.results import Results
-from motionary.report.stylization import classifiers_table, stylization_tables
+from motionary.report.style_tables import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
 
 LEAD = (

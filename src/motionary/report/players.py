@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from motionary.corpus.encoding import as_motion
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.evaluation.items import Items, sentence_of
-from motionary.formats.page import player_assets, player_fragment
+from motionary.formats.render.page import player_assets, player_fragment
 from motionary.language import Sentence
 from motionary.motion import Motion
 from motionary.report.table import NONE
+from motionary.systems.io import open_system
+from motionary.systems.protocols import MotionToText, TextToMotion
+from motionary.systems.registry import MOTION_TO_TEXT, TEXT_TO_MOTION, find
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def make_examples(
     rows, captions = _choose(items, count)
     sentences = [sentence_of(corpus, caption) for caption in captions]
     real = [np.array(corpus.features(row)) for row in rows]
-    generated: dict[str, list[np.ndarray]] = {}
+    generated: dict[str, list[Motion]] = {}
     said: dict[str, list[str]] = {}
     problems = []
     for name in systems:
@@ -67,11 +69,9 @@ def make_examples(
             _ask(name, models, device, sentences, real, seed, generated, said)
         except InputError as error:
             problems.append(f"{name}: {error}")
-    codec, fps = corpus.context.make_codec(), corpus.context.fps
     examples = []
     for i, sentence in enumerate(sentences):
-        features = [real[i], *(motions[i] for motions in generated.values())]
-        motions = [codec.decode(f, fps=fps) for f in features]
+        motions = [as_motion(real[i], corpus.context), *(motions[i] for motions in generated.values())]
         answers = {name: texts[i] for name, texts in said.items()}
         group = str(corpus.clips.group[rows[i]])
         examples.append(Example(sentence.text, group, motions, ["real", *generated], answers))
@@ -85,18 +85,17 @@ def _ask(
     sentences: list[Sentence],
     real: list[np.ndarray],
     seed: int,
-    generated: dict[str, list[np.ndarray]],
+    generated: dict[str, list[Motion]],
     said: dict[str, list[str]],
 ) -> None:
-    try:
-        module: Any = import_module(f"motionary.models.{name}")
-    except ModuleNotFoundError:
-        raise InputError("system", name, "must be a system in motionary.models") from None
-    if hasattr(module, "open_generator"):
+    offers = find(name).offers
+    if TEXT_TO_MOTION in offers:
         seeds = [seed + i for i in range(len(sentences))]
-        generated[name] = module.open_generator(models, device).generate(sentences, seeds)
-    if hasattr(module, "open_captioner"):
-        said[name] = [texts[0] for texts in module.open_captioner(models, device).caption(real)]
+        generator: TextToMotion = open_system(name, TEXT_TO_MOTION, models, device)
+        generated[name] = [as_motion(made, generator.context) for made in generator.generate(sentences, seeds)]
+    if MOTION_TO_TEXT in offers:
+        captioner: MotionToText = open_system(name, MOTION_TO_TEXT, models, device)
+        said[name] = [texts[0] for texts in captioner.caption(real)]
 
 
 def _choose(items: Items, count: int) -> tuple[np.ndarray, np.ndarray]:

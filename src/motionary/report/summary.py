@@ -8,7 +8,7 @@ from pathlib import Path
 from motionary.errors import InputError
 from motionary.report import tables
 from motionary.report.results import Results
-from motionary.report.stylization import classifiers_table, stylization_tables
+from motionary.report.style_tables import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
 
 

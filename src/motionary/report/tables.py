@@ -31,7 +31,7 @@ VARIANTS = {"real_lengths": "{name} with real lengths", "consensus": "{name} by 
 
 def text_to_motion(results: Results, part: str = "all") -> Table | None:
     """Generated motions judged with their captions, real ones above them, reconstructed ones between."""
-    systems = {n: r for n, r in results.having("text2motion").items() if part in r["text2motion"]}
+    systems = {n: r for n, r in results.having("generation").items() if part in r["generation"]}
     decoded = {n: r for n, r in results.having("reconstruction").items() if part in r["reconstruction"]}
     if not systems and not decoded:
         return None
@@ -59,8 +59,8 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
             percent(at(report, "oracle", "prompts", "confirmed")),
             show(at(report, "physics", "generated", "foot_skating")),
         )
-        rows.append(row(name, report["text2motion"][part], *(more if whole else (captions,))))
-    judged = (first.get("text2motion") or first["reconstruction"])[part]
+        rows.append(row(name, report["generation"][part], *(more if whole else (captions,))))
+    judged = (first.get("generation") or first["reconstruction"])[part]
     note = f"{judged['items']} test motions, R-precision in pools of {judged['pool']}; ± is the 95% interval."
     title = "Text to motion" if whole else f"Text to motion: {part}"
     return Table(title, ["", *(heading for heading, _ in JUDGED), *extra], rows, note)
@@ -81,7 +81,7 @@ def motion_to_text(results: Results, part: str = "all") -> Table | None:
     for name, report in systems.items():
         words = report["language"][part]
         scores = [show(words.get(key)) for _, key in WORDED] + [show(at(words, "raw", "bleu4"))]
-        retrieval = [show(at(report, "motion2text", part, key)) for _, key in judged]
+        retrieval = [show(at(report, "captioning", part, key)) for _, key in judged]
         rows.append([name, *scores, *retrieval, percent(at(report, "action", part, "named"))])
     words = first["language"][part]
     model = f"; BERTScore by {words['bert_model']}" if words.get("bert_model") else ""
@@ -115,7 +115,7 @@ def captions_by_labels(results: Results) -> Table | None:
 def parts_tables(results: Results) -> list[Table]:
     """Both result tables for each part of the test split: every root, human-written and template captions."""
     tables = []
-    for key, make in (("text2motion", text_to_motion), ("language", motion_to_text)):
+    for key, make in (("generation", text_to_motion), ("language", motion_to_text)):
         for part in parts_of(results.having(key), key):
             table = make(results, part) if part != "all" else None
             tables += [table] if table else []
@@ -197,7 +197,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
             out.setdefault(name, {})[metric] = value
 
     for name, report in _with_variants(results.systems, *VARIANTS).items():
-        for key in ("text2motion", "reconstruction"):
+        for key in ("generation", "reconstruction"):
             for _, metric in JUDGED:
                 put("real", metric, at(report, "real", "all", metric) if key in report else None)
                 put(name, metric, at(report, key, "all", metric))
@@ -207,7 +207,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         put(name, "foot_skating", at(report, "physics", "generated", "foot_skating"))
         for _, metric in WORDED:
             put(name, metric, at(report, "language", "all", metric))
-        put(name, "caption_r3", at(report, "motion2text", "all", "r3"))
+        put(name, "caption_r3", at(report, "captioning", "all", "r3"))
         put(name, "action_named", at(report, "action", "all", "named"))
     for name, report in {**results.stages, **results.systems}.items():
         for kind in ("local", "global"):
@@ -215,7 +215,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         put(name, "codes_used", at(report, "codes", "used"))
         for metric in ("within_1", "within_3", "nll"):
             put(name, f"length_{metric}", at(report, "lengths", "all", "model", metric))
-        for part, found in (at(report, "stylization") or {}).items():
+        for part, found in (at(report, "style_transfer") or {}).items():
             for row, metric in ((row, metric) for row, values in found["rows"].items() for metric in values):
                 put(f"{part}: {row}", metric, found["rows"][row][metric])
         for metric in ("style", "content"):

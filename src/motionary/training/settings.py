@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
-from motionary.errors import InputError
+from motionary.errors import InputError, configure
 
 T = TypeVar("T")
 
@@ -71,36 +71,9 @@ class TrainSettings:
 _TRAINING = {field.name for field in fields(TrainSettings)}
 
 
-def build(cls: type[T], values: Mapping[str, Any], stage: str) -> T:
-    """A configuration dataclass from a mapping; a missing or unknown key is an InputError naming `stage.key`."""
-    known = {field.name for field in fields(cls)}  # type: ignore[arg-type]
-    for key in values:
-        if key not in known:
-            raise InputError(f"{stage}.{key}", values[key], f"unknown key; known are {', '.join(sorted(known))}")
-    try:
-        return cls(**{key: tuple(v) if isinstance(v, list) else v for key, v in values.items()})
-    except TypeError as error:
-        raise InputError(stage, sorted(values), str(error).split("__init__() ")[-1]) from error
-
-
-def divide(section: Mapping[str, Any], cls: type[T], stage: str, derived: Mapping[str, Any] | None = None):
-    """Divides a stage's flat section into its model's configuration and the training settings.
-
-    Args:
-        section: the stage's section of the configuration.
-        cls: the model's configuration dataclass.
-        stage: name of the section, for messages.
-        derived: model fields that the upstream stages fixed (they are not in the section).
-
-    Returns:
-        (model configuration, TrainSettings).
-    """
-    return build(cls, {**model_keys(section), **(derived or {})}, stage), settings_of(section, stage)
-
-
 def settings_of(section: Mapping[str, Any], stage: str) -> TrainSettings:
     """The training settings among the keys of a stage's section, checked."""
-    settings = build(TrainSettings, {k: v for k, v in section.items() if k in _TRAINING}, stage)
+    settings = configure(TrainSettings, {k: v for k, v in section.items() if k in _TRAINING}, stage)
     settings.check(stage)
     return settings
 

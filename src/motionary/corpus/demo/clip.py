@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from motionary.corpus.demo.captions import captions
+from motionary.corpus.demo.body import Rig, rig_of, solve
 from motionary.corpus.demo.curves import RATE
 from motionary.corpus.demo.grammar import LONGEST, Spec, compose, draw
 from motionary.corpus.demo.plan import Plan, sample
-from motionary.corpus.demo.rig import Rig, rig_of, solve
+from motionary.corpus.demo.sentences import captions
 from motionary.errors import InputError
 from motionary.motion import Motion, Skeleton
 

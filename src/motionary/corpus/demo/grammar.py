@@ -9,9 +9,9 @@ import numpy as np
 
 from motionary.corpus.demo import gestures, jumps, locomotion, whole_body
 from motionary.corpus.demo.acts import Act
+from motionary.corpus.demo.body import Rig, within_reach
 from motionary.corpus.demo.curves import RATE, ease, wander
 from motionary.corpus.demo.plan import Plan, follow, overlay, standing
-from motionary.corpus.demo.rig import Rig, within_reach
 from motionary.corpus.demo.styles import STYLES, Mood, mood
 
 LONGEST = 9.6  # seconds

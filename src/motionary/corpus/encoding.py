@@ -1,0 +1,72 @@
+"""What users hand in: checked, and brought to the form that models read."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeVar
+
+import numpy as np
+
+from motionary.corpus.context import Context
+from motionary.corpus.workers import without_bind_pose
+from motionary.errors import InputError
+from motionary.motion import Motion, canonicalize, resample, retarget
+
+T = TypeVar("T")
+
+
+def encode(motion: Motion, context: Context, whole: bool = False) -> np.ndarray:
+    """Raw features (T, D) of any motion, as preprocess would make them; T is a multiple of the unit, and at most
+    the longest that models learn, or, where the motion shall come `whole`, all of its frames at the models' rate.
+
+    Raises:
+        InputError: shorter than one unit, on an unknown rig, or not finite once encoded.
+    """
+    motion = retarget(resample(without_bind_pose(motion), context.fps), context.skeleton)
+    if motion.frames > 1 and (whole or motion.frames % context.unit == 0):
+        # T features decode to T frames, but it takes T + 1 to encode them: the last step is repeated, so that a
+        # generated motion is read whole.
+        after = 2 * motion.positions[-1:] - motion.positions[-2:-1]
+        motion = Motion(np.concatenate([motion.positions, after]), motion.fps, motion.skeleton)
+    frames, shortest = motion.frames - 1, 1
+    if not whole:
+        frames, shortest = min(frames, context.max_frames) // context.unit * context.unit, context.unit
+    if frames < shortest:
+        least = max(shortest, 2) / context.fps
+        raise InputError("motion", f"{motion.duration:.3f} s", f"must last at least {least:g} s")
+    features = context.make_codec().encode(canonicalize(motion.crop(0, frames + 1)))
+    if not np.isfinite(features).all():
+        raise InputError("motion", "not finite", "features must be finite; the motion is degenerate")
+    return features
+
+
+def as_motion(made: np.ndarray | Motion, context: Context) -> Motion:
+    """What a generator handed out, as a Motion: features (T, D) of the corpus are decoded by its codec.
+
+    This and :func:`as_features` are the border of every system. Inside, a system may use any features: where they
+    are the corpus's, they cross as they are; where it has its own, it hands out a Motion and takes in
+    ``context.make_codec().decode(...)``.
+    """
+    return made if isinstance(made, Motion) else context.make_codec().decode(made, fps=context.fps)
+
+
+def as_features(made: np.ndarray | Motion, context: Context) -> np.ndarray:
+    """What a generator handed out, as features (T, D) of the corpus; see :func:`as_motion`."""
+    return encode(made, context, whole=True) if isinstance(made, Motion) else made
+
+
+def frames_of(seconds: float, context: Context) -> int:
+    """Frames of a length asked for, in whole units; InputError names the range."""
+    unit, longest = context.unit / context.fps, math.ceil(context.max_frames / context.fps)
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not unit <= seconds <= longest:
+        raise InputError("seconds", seconds, f"must be a number from {unit:g} to {longest:g}")
+    return min(round(seconds / unit) * context.unit, context.max_frames)
+
+
+def listed(values: Any, kind: type[T], name: str) -> list[T]:
+    """One value or several as a list; InputError for anything else."""
+    if isinstance(values, kind):
+        return [values]
+    if isinstance(values, list | tuple) and values and all(isinstance(value, kind) for value in values):
+        return list(values)
+    raise InputError(name, repr(values), f"must be one {kind.__name__} or a list of them")

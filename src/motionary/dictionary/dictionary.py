@@ -1,0 +1,241 @@
+"""A trained pipeline in hand: text to motion, motion to text, search. ``motionary.load("models")`` opens it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motionary.corpus.encoding import as_motion, encode, frames_of, listed
+from motionary.dictionary.folder import Folder
+from motionary.dictionary.matches import Match
+from motionary.errors import InputError, check_whole
+from motionary.language import Sentence, annotate, check_prompt
+from motionary.motion import Motion
+from motionary.systems.protocols import CorpusSearch, MotionToText, TextToMotion
+from motionary.systems.registry import EMBED, MOTION_TO_TEXT, SEARCH, STYLIZE, TEXT_TO_MOTION
+
+OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")  # of sampling; a system may ignore some
+
+
+def load(models: str | Path = "models", device: str = "auto") -> Dictionary:
+    """Open the models that ``dvc repro`` built; each system loads when it is first asked.
+
+    Args:
+        models: the folder; any subset of its systems serves. Search also reads ``data/corpus`` beside the folder.
+        device: "auto", "cpu", "cuda" or another that torch names.
+
+    Raises:
+        InputError: no such folder, or no model in it.
+
+    Example:
+        >>> d = motionary.load("models")  # doctest: +SKIP
+        >>> d.generate("a person waves", n=3, seed=0)[0].save("wave.bvh")  # doctest: +SKIP
+    """
+    folder = Path(models)
+    if not folder.is_dir():
+        raise InputError(folder, "missing", "must be a folder of trained models; run `dvc repro` first")
+    dictionary = Dictionary(folder, device)
+    if not dictionary.systems:
+        raise InputError(folder, "empty", "holds no trained model; run `dvc repro` first")
+    return dictionary
+
+
+class Dictionary(Folder):
+    """A folder of trained systems that is asked; see :func:`load`. Several threads may share one: they take turns."""
+
+    def generate(
+        self,
+        texts: str | Sequence[str],
+        n: int = 1,
+        seconds: float | None = None,
+        system: str | None = None,
+        seed: int = 0,
+        **options: float,
+    ) -> list[Any]:
+        """Motions that a text describes.
+
+        Args:
+            texts: one English text, or several that are generated together.
+            n: variants of each text.
+            seconds: length, rounded to whole motion tokens (0.2 s at 20 fps); None lets the system decide. The
+                longest that systems learn is a little shorter than ten seconds: 10 gives 9.8.
+            system: the text-to-motion system that answers; None takes the usual one.
+            seed: equal text, variant, seed and options give an equal motion, whatever else is asked with them.
+            options: of sampling: temperature, top_k, top_p, guidance, greedy.
+
+        Returns:
+            n motions; for several texts a list of n motions for each.
+
+        Raises:
+            InputError: a text that cannot be read, a value out of range, a system that is not there.
+        """
+        sentences = self._sentences(texts)
+        check_whole("n", n, 1)
+        check_whole("seed", seed, 0)
+        for name in options:
+            if name not in OPTIONS:
+                raise InputError(name, options[name], f"unknown option; known: {', '.join(OPTIONS)}")
+        generator: TextToMotion = self._open(TEXT_TO_MOTION, system)
+        context = generator.context
+        frames = None if seconds is None else [frames_of(seconds, context)] * (n * len(sentences))
+        seeds = [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(n)] * len(sentences)
+        with self._lock:
+            features = generator.generate([s for s in sentences for _ in range(n)], seeds, frames, **options)
+        motions = [as_motion(f, context) for f in features]
+        rows = [motions[i : i + n] for i in range(0, len(motions), n)]
+        return rows[0] if isinstance(texts, str) else rows
+
+    def caption(
+        self,
+        motions: Motion | Sequence[Motion],
+        n: int = 1,
+        beams: int = 2,
+        system: str | None = None,
+        seed: int = 0,
+        temperature: float | None = None,
+        consensus: int = 0,
+    ) -> list[Any]:
+        """Sentences that describe a motion, as normalized words.
+
+        Args:
+            motions: one or several, on any rig and at any rate; of a longer one the first ten seconds are read.
+            n: captions of each, best first.
+            beams: of the beam search; at least n are kept.
+            system: the motion-to-text system that answers; None takes the usual one.
+            seed, temperature: with a temperature, captions are drawn and not searched.
+            consensus: choose the captions that agree best with this many draws, which takes longer; 0 searches only.
+
+        Returns:
+            n captions; for several motions a list of n captions for each.
+
+        Raises:
+            InputError: a motion that is too short or on an unknown rig, a value out of range, a missing system.
+        """
+        several = listed(motions, Motion, "motions")
+        for name, value, least in (("n", n, 1), ("beams", beams, 1), ("seed", seed, 0), ("consensus", consensus, 0)):
+            check_whole(name, value, least)
+        if consensus and temperature is not None:
+            raise InputError("consensus", consensus, "draws at temperature 1; leave `temperature` out")
+        captioner: MotionToText = self._open(MOTION_TO_TEXT, system)
+        context = captioner.context
+        features = [encode(motion, context) for motion in several]
+        drawn = {"seeds": [seed] * len(features), "temperature": temperature, "consensus": consensus}
+        with self._lock:
+            found = captioner.caption(features, beams=max(beams, n), n=n, **drawn)
+        return found[0] if isinstance(motions, Motion) else found
+
+    def search(self, texts: str | Sequence[str], k: int = 5) -> list[Any]:
+        """The windows of the corpus that lie nearest to a text.
+
+        Returns:
+            k of :class:`Match`, nearest first; for several texts a list of k for each.
+
+        Raises:
+            InputError: a text that cannot be read, k below 1, or a missing evaluator, index or corpus.
+        """
+        check_whole("k", k, 1)
+        sentences = self._sentences(texts)
+        retrieval: CorpusSearch = self._open(SEARCH)
+        sentences = self._corrected(sentences)
+        with self._lock:
+            queries, found = retrieval.judge.sentences(sentences), retrieval.search(sentences, k)
+        rows = []
+        for query, places in zip(queries, found, strict=True):
+            away = np.linalg.norm(np.asarray(retrieval.index.motions[places]) - query, axis=-1)
+            rows.append([Match.of(retrieval.corpus, int(i), float(d)) for i, d in zip(places, away, strict=True)])
+        return rows[0] if isinstance(texts, str) else rows
+
+    def embed(
+        self, texts: str | Sequence[str] | None = None, motions: Motion | Sequence[Motion] | None = None
+    ) -> np.ndarray:
+        """(N, D) float32 vectors of N texts or N motions in the evaluator's space, where matching ones lie near.
+
+        Raises:
+            InputError: not exactly one of the two is given, or one of them cannot be read.
+        """
+        if (texts is None) == (motions is None):
+            raise InputError("texts, motions", "neither" if texts is None else "both", "give one of the two")
+        if texts is not None:
+            sentences = self._sentences(texts)
+            judge = self._judge()
+            with self._lock:
+                return judge.sentences(self._corrected(sentences))
+        several = listed(motions, Motion, "motions")
+        judge = self._judge()
+        features = [encode(motion, judge.context) for motion in several]
+        with self._lock:
+            return judge.motions(features)
+
+    @property
+    def styles(self) -> tuple[str, ...]:
+        """The styles that :meth:`stylize` knows by name."""
+        return self._open(STYLIZE).styles
+
+    def stylize(
+        self,
+        motions: Motion | Sequence[Motion],
+        style: str | None = None,
+        reference: Motion | None = None,
+        n: int = 1,
+        seed: int = 0,
+        strength: float = 1.0,
+    ) -> list[Any]:
+        """A motion in another style: of a label, of a reference motion, of both, or of neither, drawn at random.
+
+        Args:
+            motions: one or several, of any length, on any rig that can be retargeted and at any rate.
+            style: a name among :attr:`styles`.
+            reference: a motion in the wanted style, of at least a second or two. With `style` it says in which way.
+            n: variants; a reference has only one.
+            seed: equal motion, style, seed and variant give an equal result, whatever else is asked with them.
+            strength: 0 keeps the motion as it is, 1 is the full style, more exaggerates.
+
+        Returns:
+            n motions, as long as the given one, at the models' rate and on their skeleton, starting at the origin;
+            for several motions a list of n for each.
+
+        Raises:
+            InputError: an unknown style (the known ones are listed), a reference that is too short, an unknown rig,
+                a value out of range, missing models.
+        """
+        from motionary.dictionary.restyling import stylize
+
+        several = listed(motions, Motion, "motions")
+        transfer = self._open(STYLIZE)
+        with self._lock:
+            found = stylize(transfer, several, style, reference, n, seed, strength)
+        return found[0] if isinstance(motions, Motion) else found
+
+    def interpolate(
+        self, motion: Motion, first: str | Motion, second: str | Motion, steps: int = 5, seed: int = 0
+    ) -> list[Motion]:
+        """A motion in `steps` styles from one to another: two names among :attr:`styles`, or two reference motions.
+
+        Raises:
+            InputError: as :meth:`stylize`; also where one end is a name and the other a motion.
+        """
+        from motionary.dictionary.restyling import interpolate
+
+        (content,) = listed(motion, Motion, "motion")
+        transfer = self._open(STYLIZE)
+        with self._lock:
+            return interpolate(transfer, content, first, second, steps, seed)
+
+    def act(self, action: str, n: int = 1, seconds: float | None = None, seed: int = 0) -> list[Motion]:
+        """Motions of an action label. InputError: no system here answers to one yet."""
+        raise InputError("action", action, "no system of these models makes motions of action labels")
+
+    def read_as(self, text: str) -> str:
+        """The words that the systems read in a text: normalized, typos corrected, unknown ones marked."""
+        return self._corrected(self._sentences(text))[0].normalized
+
+    def _sentences(self, texts: str | Sequence[str]) -> list[Sentence]:
+        return annotate([check_prompt(text) for text in listed(texts, str, "text")])
+
+    def _corrected(self, sentences: list[Sentence]) -> list[Sentence]:
+        """With typos corrected to words of the training captions."""
+        vocabulary = self.context(self.first_of(EMBED, TEXT_TO_MOTION, MOTION_TO_TEXT)).vocabulary
+        return [vocabulary.correct(sentence) for sentence in sentences]

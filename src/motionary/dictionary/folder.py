@@ -1,0 +1,79 @@
+"""The trained systems of a folder, each loaded when it is first asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from threading import RLock
+from typing import Any, TypeVar
+
+from motionary.corpus.context import Context
+from motionary.errors import InputError
+from motionary.systems.protocols import TextMotionJudge
+from motionary.systems.registry import EMBED, offering, served_by
+
+T = TypeVar("T")
+
+
+class Folder:
+    """A folder of trained systems and those of them that have been loaded, once for all threads.
+
+    Attributes:
+        models: the folder.
+    """
+
+    def __init__(self, models: Path, device: str = "auto"):
+        self.models, self._device = models, device
+        self._opened: dict[tuple[str, str], Any] = {}
+        self._lock = RLock()
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """Names of what lies in the folder."""
+        return tuple(sorted(f.name for f in self.models.iterdir() if f.is_dir() and not f.name.startswith(".")))
+
+    def context(self, system: str) -> Context:
+        """What a system knows of its data: skeleton, rate, codec, vocabulary."""
+        from motionary.systems.io import CONFIG_FILE, read_record
+
+        # What brings no config of its own knows what the system knows in whose space it lives.
+        name = next((n for n in reversed(served_by([system])) if (self.models / n / CONFIG_FILE).is_file()), system)
+        if not (self.models / name / CONFIG_FILE).is_file():
+            raise self._absent(name)
+        return self._once(name, "context", lambda: Context.from_json(read_record(self.models / name)["context"]))
+
+    def offering(self, offer: str) -> tuple[str, ...]:
+        """Names of the systems of the folder that offer something, the usual one first; opens none of them."""
+        return offering(offer, self.systems)
+
+    def first_of(self, *offers: str) -> str:
+        """The usual system of the first of these offers that the folder has, else any that it has."""
+        found = (name for offer in offers for name in self.offering(offer))
+        return next(found, next(iter(self.systems)))
+
+    def _open(self, offer: str, name: str | None = None) -> Any:
+        """What the system `name`, or the usual one of the folder, offers."""
+        from motionary.systems.io import open_system
+
+        name = name or next(iter(self.offering(offer) or offering(offer)))
+        if not (self.models / name).is_dir():
+            raise self._absent(name)
+        return self._once(name, offer, lambda: open_system(name, offer, self.models, self._on()))
+
+    def _on(self) -> str:
+        """The device to run on."""
+        from motionary.systems.io import choose_device
+
+        return choose_device(self._device)
+
+    def _judge(self) -> TextMotionJudge:
+        return self._open(EMBED)
+
+    def _once(self, name: str, what: str, build: Callable[[], T]) -> T:
+        with self._lock:
+            if (name, what) not in self._opened:
+                self._opened[name, what] = build()
+            return self._opened[name, what]
+
+    def _absent(self, name: str) -> InputError:
+        return InputError("system", name, f"not part of these models; run `dvc repro {name}`")

@@ -1,0 +1,31 @@
+"""From a file's extension to the function that reads or writes it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from inspect import Parameter, signature
+from pathlib import Path
+from typing import Any
+
+from motionary.errors import InputError
+
+
+def function_of(path: str | os.PathLike, table: Mapping[str, str], done: str) -> Callable[..., Any]:
+    """The function that `table` names for the path's extension as "module:function"; InputError lists what it has."""
+    extension = Path(path).suffix.lower()
+    if extension not in table:
+        raise InputError(path, extension or "no extension", f"only {' '.join(table)} can be {done}")
+    module, name = table[extension].split(":")
+    return getattr(import_module(module), name)
+
+
+def given(function: Callable[..., Any], path: str | os.PathLike, options: dict[str, Any]) -> dict[str, Any]:
+    """The options that are given, all of which the format must know."""
+    options = {name: value for name, value in options.items() if value is not None}
+    names = [name for name, option in signature(function).parameters.items() if option.default is not Parameter.empty]
+    for name in options:
+        if name not in names or name == "force":
+            raise InputError(path, name, f"no option of this format; it has {', '.join(names)}")
+    return options

@@ -1,0 +1,40 @@
+"""Writers of motion files: one per extension, loaded only when a file asks for it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from motionary.formats.dispatch import function_of, given
+from motionary.motion import Motion
+
+WRITERS = {
+    ".bvh": "motionary.formats.write.bvh_writer:write_bvh",
+    ".npy": "motionary.formats.write.array_writer:write_npy",
+    ".npz": "motionary.formats.write.array_writer:write_npz",
+    ".glb": "motionary.formats.write.gltf:write_glb",
+    ".mp4": "motionary.formats.render.video:write_video",
+    ".gif": "motionary.formats.render.video:write_video",
+    ".html": "motionary.formats.render.page:write_page",
+}
+
+
+def write_motion(motion: Motion, path: str | os.PathLike, force: bool = True, **options: Any) -> Path:
+    """Write a motion by the path's extension: .bvh .npy .npz .glb .mp4 .gif .html. A file is whole or not there.
+
+    Args:
+        motion: what to write.
+        path: where; missing folders are made.
+        force: replace an existing file.
+        options: for that format: ``unit`` for BVH, ``mesh`` for glb, ``captions`` for mp4, gif and html, ``fps``,
+            ``width``, ``height`` and ``progress`` for mp4 and gif, ``title`` for html. None means not given.
+
+    Returns:
+        The path.
+
+    Raises:
+        InputError: unknown extension, a place that cannot be written, or an existing file and not `force`.
+    """
+    writer = function_of(path, WRITERS, "written")
+    return writer(motion, path, force=force, **given(writer, path, options))

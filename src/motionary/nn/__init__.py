@@ -1,0 +1,1 @@
+"""Building blocks of networks: layers, convolutions, transformer, recurrent units, quantizers, decoding."""

@@ -1,0 +1,39 @@
+"""What reconstruction losses and errors share: weights of features, distances, joint errors in millimetres."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from motionary.nn.layers import length_mask, masked_mean
+
+
+def feature_weights(features: int, joints: int, position_weight: float) -> Tensor:
+    """(D,) weights of a reconstruction loss, mean 1: local joint positions weigh 1 + position_weight before scaling."""
+    weights = torch.ones(features)
+    weights[4 : 4 + 3 * (joints - 1)] += position_weight
+    return weights / weights.mean()
+
+
+def distance(difference: Tensor, square_from: float) -> Tensor:
+    """Elementwise reconstruction error of normalized features: L1 (Eq. 4.2), or squared where it is large.
+
+    A positive `square_from` makes errors beyond that many deviations count by their square, continued smoothly (the
+    reverse Huber function). Under L1 alone a network that trains for minutes settles on the median, which leaves out
+    what few clips do for a short time: turning around, waving, clapping.
+    """
+    error = difference.abs()
+    if not square_from:
+        return error
+    return torch.where(error < square_from, error, (error.square() / square_from + square_from) / 2)
+
+
+def position_error(decoded: Tensor, raw: Tensor, frames: Tensor, joints: int) -> Tensor:
+    """Mean error of the local joint positions (root and heading removed), in millimetres.
+
+    Compares the features' own local positions, with the root's height; the root joint counts through its height only.
+    """
+    count = joints - 1
+    a, b = decoded[..., 4 : 4 + 3 * count], raw[:, : decoded.shape[1], 4 : 4 + 3 * count]
+    error = (a - b).unflatten(-1, (count, 3)).norm(dim=-1).sum(-1)
+    return 1000 * masked_mean(error / joints, length_mask(frames, decoded.shape[1]))

@@ -1,0 +1,1 @@
+"""What knows DVC, Hydra and MLflow: stages, workspaces, tracking, code hashes, the parallel repro."""

@@ -1,0 +1,179 @@
+"""``dvc repro`` with independent stages side by side: ``python -m motionary.pipeline.repro [--jobs N]``.
+
+DVC runs one stage at a time. Most stages leave cores idle (they start, draw, or work on matrices too small to share),
+so this runs every stage whose dependencies are up to date, up to N at once, each as ``dvc repro --single-item``, with
+its share of the cores. What is run, locked and cached is as under ``dvc repro``, and either continues the other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from motionary.errors import InputError
+
+_POLL, _GRACE = 0.2, 60.0  # seconds between two looks at the stages, and for a stopped one to end by itself
+
+
+class Process(Protocol):
+    """A running stage, as far as scheduling goes."""
+
+    def poll(self) -> int | None:
+        """The exit code, None while it runs."""
+
+
+def outdated(root: Path) -> dict[str, set[str]]:
+    """Stages of the pipeline in `root` that may have to run -> those of them that each depends on.
+
+    These are the stages that ``dvc status`` names and everything downstream of them.
+    """
+    import networkx
+    from dvc.repo import Repo
+
+    with Repo(str(root)) as repo:
+        graph = repo.index.graph  # an edge leads from a stage to what it needs
+        graph = networkx.relabel_nodes(graph, {stage: stage.addressing for stage in graph})
+        changed = set(repo.status())
+    stages = changed.union(*(networkx.ancestors(graph, name) for name in changed))
+    return {name: networkx.descendants(graph, name) & stages for name in stages}
+
+
+def schedule(
+    needs: Mapping[str, set[str]],
+    start: Callable[[str, int, bool], Process],
+    jobs: int,
+    wait: Callable[[], None] = lambda: time.sleep(_POLL),
+) -> list[str]:
+    """Runs stages in an order that respects `needs`, at most `jobs` at once; returns those that failed.
+
+    After a failure nothing new is started, what runs is let finish.
+
+    Args:
+        needs: stage -> every stage that must have ended well before.
+        start: (stage, free slot below `jobs`, whether it is bound to run alone) -> its process.
+        wait: called between two looks at the processes.
+    """
+    # Whatever holds up most of the others goes first; then by name, so that runs are alike.
+    weight = {name: sum(name in others for others in needs.values()) for name in needs}
+    waiting = sorted(needs, key=lambda name: (-weight[name], name))
+    running: dict[str, tuple[int, Process]] = {}
+    done: set[str] = set()
+    failed: list[str] = []
+    while running or (waiting and not failed):
+        ready = [] if failed else [name for name in waiting if needs[name] <= done]
+        alone = not running and len(ready) == 1
+        for name in ready[: jobs - len(running)]:
+            slot = min(set(range(jobs)) - {slot for slot, _ in running.values()})
+            running[name] = slot, start(name, slot, alone)
+            waiting.remove(name)
+        ended = {name: code for name, (_, process) in running.items() if (code := process.poll()) is not None}
+        for name, code in ended.items():
+            del running[name]
+            if code == 0:
+                done.add(name)
+            else:
+                failed.append(name)
+        if running and not ended:
+            wait()
+    return failed
+
+
+class Runner:
+    """Starts ``dvc repro --single-item`` for a stage; the processes share cores and terminal."""
+
+    def __init__(self, root: Path, jobs: int):
+        self.root, self.jobs = root, jobs
+        self.processes: list[subprocess.Popen] = []
+
+    def __call__(self, stage: str, slot: int, alone: bool) -> subprocess.Popen:
+        """The process of a stage, with all cores where nothing else can run beside it, otherwise with its share."""
+        share = 1 if alone else self.jobs
+        environment = dict(os.environ)
+        environment.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // share)))
+        if sys.stderr.isatty():
+            environment["TQDM_POSITION"] = str(slot)  # a line of its own for each progress bar
+        command = [sys.executable, "-m", "dvc", "--wait-for-lock", "repro", "--single-item", stage]
+        # A session of its own: DVC does not pass an interrupt on, so that all of a stage's processes must be reached.
+        self.processes.append(subprocess.Popen(command, cwd=self.root, env=environment, start_new_session=True))
+        return self.processes[-1]
+
+    def __enter__(self) -> Runner:
+        return self
+
+    def __exit__(self, kind, error, trace) -> None:
+        """No stage outlives the run; one that is stopped keeps its checkpoint."""
+        for process in self.processes:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGINT)
+        deadline = time.monotonic() + _GRACE
+        for process in self.processes:
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+
+
+def repro(root: Path, jobs: int) -> list[str]:
+    """Brings the pipeline in `root` up to date with at most `jobs` stages at once; returns the stages that failed."""
+    needs = outdated(root)
+    if not needs:
+        print("Data and pipelines are up to date.")
+        return []
+    with Runner(root, jobs) as start:
+        return schedule(needs, start, jobs)
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """SIGINT and SIGTERM end the block, and with it the stages."""
+    handlers = {
+        signal.SIGTERM: lambda *_: sys.exit(143),
+        signal.SIGINT: signal.default_int_handler,  # a shell in the background ignores it, and so would the stages
+    }
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command line; exit code 1 where a stage failed, 2 for a bad argument, 130 or 143 where it was stopped."""
+    from dvc.exceptions import DvcException
+
+    parser = argparse.ArgumentParser(
+        prog="python -m motionary.pipeline.repro", description="dvc repro with independent stages side by side"
+    )
+    cores = os.cpu_count() or 1
+    parser.add_argument("--jobs", type=int, default=min(2, cores), help="stages at once (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    try:
+        if options.jobs < 1:
+            raise InputError("--jobs", options.jobs, "must be at least 1")
+        if not Path("dvc.yaml").exists():
+            raise InputError("dvc.yaml", "missing", "run this in the project's root")
+        with _stoppable():
+            failed = repro(Path.cwd(), options.jobs)
+    except (InputError, DvcException) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("stopped; run this again to go on where it was", file=sys.stderr)
+        return 130
+    if failed:
+        print(f"error: {', '.join(failed)} failed; see above, then run this again: what is done stays", file=sys.stderr)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""The systems, a folder per family; `registry` declares each of them once."""

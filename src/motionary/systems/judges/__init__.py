@@ -1,0 +1,1 @@
+"""What scores the others: evaluator, style evaluator, and retrieval from the corpus."""

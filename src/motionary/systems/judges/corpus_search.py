@@ -1,0 +1,99 @@
+"""Retrieval over the training motions: the dictionary's search, and the baselines that only copy.
+
+A system like the others, so that the result table shows what copying is worth: text to the nearest training motion,
+and motion to the caption of the nearest training motion, both in the evaluator's space.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from motionary.corpus.store import Corpus
+from motionary.errors import InputError
+from motionary.language import Sentence
+from motionary.systems.judges.judge import Judge
+from motionary.systems.requests import check_frames, check_seeds
+
+
+class Index:
+    """Features of every window of a corpus in the evaluator's space.
+
+    Attributes:
+        motions: (N, E) float32, one row per window of the corpus.
+        evaluator: hash of the evaluator that made them.
+    """
+
+    def __init__(self, motions: np.ndarray, evaluator: str):
+        self.motions, self.evaluator = motions, evaluator
+
+    def save(self, folder: Path) -> None:
+        """Writes motions.npy and index.json."""
+        folder.mkdir(parents=True, exist_ok=True)
+        np.save(folder / "motions.npy", self.motions)
+        (folder / "index.json").write_text(json.dumps({"evaluator": self.evaluator}) + "\n")
+
+    @classmethod
+    def load(cls, folder: Path) -> Index:
+        """Reads what :meth:`save` wrote."""
+        if not (folder / "index.json").exists():
+            raise InputError(folder, "missing", "run `dvc repro retrieval` first")
+        evaluator = json.loads((folder / "index.json").read_text())["evaluator"]
+        return cls(np.load(folder / "motions.npy", mmap_mode="r"), evaluator)
+
+    def nearest(self, queries: np.ndarray, rows: np.ndarray, k: int = 1) -> np.ndarray:
+        """(Q, k) of `rows`, nearest first, for (Q, E) query features."""
+        candidates = np.asarray(self.motions[rows])
+        squared = (queries**2).sum(1)[:, None] + (candidates**2).sum(1)[None] - 2 * queries @ candidates.T
+        return rows[np.argsort(squared, axis=1, kind="stable")[:, :k]]
+
+
+class Retrieval:
+    """Answers by copying from the training split (and searches every split for the dictionary)."""
+
+    takes_lengths = draws = False
+
+    def __init__(self, corpus: Path, judge: Judge, index: Index):
+        self.corpus, self.judge, self.index = Corpus.open(corpus), judge, index
+        self.context = self.corpus.context
+        if index.evaluator != judge.hash:
+            raise InputError("retrieval", index.evaluator, "belongs to another evaluator; run `dvc repro retrieval`")
+        if len(index.motions) != len(self.corpus):
+            rule = f"must have one row per window, {len(self.corpus)}"
+            raise InputError("retrieval", len(index.motions), rule)
+        self.training = self.corpus.rows("train", captioned=True)
+
+    def generate(self, sentences: Sequence[Sentence], seeds: Sequence[int], frames=None, **options) -> list[np.ndarray]:
+        """The training motion nearest to each text; where a text repeats, the next nearest.
+
+        `frames` cuts the motion found; it is never made longer.
+        """
+        check_seeds(sentences, seeds)
+        wanted = None if frames is None else check_frames(self.corpus.context, sentences, frames)
+        if not sentences:
+            return []
+        texts = self.judge.sentences([self.corpus.context.vocabulary.correct(sentence) for sentence in sentences])
+        found = self.index.nearest(texts, self.training, k=min(16, len(self.training)))
+        seen: dict[tuple[str, ...], int] = {}
+        motions = []
+        for i, sentence in enumerate(sentences):
+            place = seen.get(sentence.words, 0)
+            seen[sentence.words] = place + 1
+            features = np.array(self.corpus.features(found[i, place % found.shape[1]]))
+            motions.append(features if wanted is None else features[: wanted[i]])
+        return motions
+
+    def caption(self, features: Sequence[np.ndarray], beams: int = 2, n: int = 1, **options) -> list[list[str]]:
+        """The normalized captions of the nearest training motions."""
+        found = self.index.nearest(self.judge.motions(features), self.training, k=n)
+        return [
+            [" ".join(self.corpus.captions.words[self.corpus.caption_start[row]]) for row in rows] for rows in found
+        ]
+
+    def search(self, sentences: Sequence[Sentence], k: int = 5) -> np.ndarray:
+        """(N, k) rows of the corpus, unmirrored, nearest to each text first."""
+        rows = np.flatnonzero(~self.corpus.clips.mirrored)
+        return self.index.nearest(self.judge.sentences(sentences), rows, k=min(k, len(rows)))

@@ -1,0 +1,147 @@
+"""Contrastive extractors of text and motion features, the yardstick of all evaluation (TM2T Eq. 8, appendix C)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from motionary.errors import InputError, check_values
+from motionary.nn.layers import TextEncoder
+from motionary.nn.recurrent import BiGRU
+from motionary.nn.snippets import UNIT, SnippetEncoder
+
+LOSSES = ("infonce", "margin")
+
+
+@dataclass(frozen=True)
+class EvaluatorConfig:
+    """Attributes:
+    text_width: hidden units of each direction of the text GRU.
+    motion_width: the same of the motion GRU.
+    dim: dimensions of both embeddings.
+    word_dim: dimensions of the word vectors.
+    tags: word classes are embedded beside the words.
+    dropout: of word features, snippet codes and sentence features.
+    objective: "margin" is Eq. 8; "infonce" is symmetric InfoNCE without equal captions as negatives.
+    margin: least distance of mismatched pairs (Eq. 8).
+    temperature: divides the cosines of InfoNCE.
+    radius: with "infonce" embeddings lie on a sphere of this radius.
+    snippet_width, snippet_dim, hide_contacts: of the autoencoder whose frozen codes the motion branch reads.
+    """
+
+    text_width: int = 256
+    motion_width: int = 384
+    dim: int = 512
+    word_dim: int = 300
+    tags: bool = True
+    dropout: float = 0.1
+    objective: str = "infonce"
+    margin: float = 10.0
+    temperature: float = 0.1
+    radius: float = 10.0
+    snippet_width: int = 512
+    snippet_dim: int = 512
+    hide_contacts: bool = True
+
+    def __post_init__(self) -> None:
+        if self.objective not in LOSSES:
+            raise InputError("evaluator.objective", self.objective, f"must be one of {', '.join(LOSSES)}")
+        check_values("evaluator", self, ("margin", "temperature", "radius"), lambda v: v > 0, "must be positive")
+
+
+class Evaluator(nn.Module):
+    """Text and motion to vectors that are near where they match.
+
+    embed_text(ids (B, N), tags (B, N) | None, count (B,)) -> (B, dim);
+    embed_motion(raw (B, T, D), frames (B,)) -> (B, dim). Neither depends on padding or on the rest of the batch.
+    """
+
+    def __init__(self, config: EvaluatorConfig, context: Any):
+        super().__init__()
+        self.config, self.context = config, context
+        sizes = config.snippet_width, config.snippet_dim
+        self.snippets = SnippetEncoder(*sizes, config.hide_contacts, context.mean, context.std).requires_grad_(False)
+        self.text = TextEncoder(
+            len(context.vocabulary), config.word_dim, config.text_width, config.tags, config.dropout
+        )
+        # The papers put a linear layer before the motion GRU; the GRU's own input product makes it redundant.
+        self.motion = BiGRU(config.snippet_dim, config.motion_width)
+        self.dropout = nn.Dropout(config.dropout)
+        self.text_head = _head(2 * config.text_width, config.text_width, config.dim)
+        self.motion_head = _head(2 * config.motion_width, config.motion_width, config.dim)
+
+    def take_snippets(self, encoder: SnippetEncoder) -> Evaluator:
+        """Copy the trained encoder; it stays frozen and is saved along, so that an evaluator stands alone."""
+        self.snippets.load_state_dict(encoder.state_dict())
+        return self
+
+    def embed_text(self, ids: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
+        """Features of sentences."""
+        sentence = self.text.sentence(ids, tags if self.config.tags else None, count)
+        return self._place(self.text_head(self.dropout(sentence)))
+
+    def embed_motion(self, raw: Tensor, frames: Tensor) -> Tensor:
+        """Features of motions of at least one unit; shorter ones are an InputError."""
+        if int(frames.min()) < UNIT:
+            raise InputError("frames", int(frames.min()), f"a motion needs at least {UNIT} frames")
+        with torch.no_grad():
+            codes = self.snippets(raw, frames)
+        state = self.motion.last(self.dropout(codes), torch.div(frames, UNIT, rounding_mode="floor"))
+        return self._place(self.motion_head(self.dropout(state)))
+
+    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        """Eq. 8 or InfoNCE, by the config; logs the share of pairs that stand first in the batch."""
+        text = self.embed_text(batch.words, batch.tags, batch.word_count)
+        motion = self.embed_motion(batch.motion, batch.frames)
+        same = batch.text_key[:, None] == batch.text_key[None]
+        if self.config.objective == "margin":
+            shift = int(torch.randint(1, max(2, len(text)), (), generator=generator, device=generator.device))
+            loss = margin_loss(text, motion, same, shift, self.config.margin)
+        else:
+            loss = infonce_loss(text, motion, same, self.config.temperature)
+        with torch.no_grad():
+            distance = torch.cdist(motion, text).masked_fill(same & ~_diagonal(same), torch.inf)
+            first = (distance.argmin(1) == torch.arange(len(text), device=text.device)).float().mean()
+        return loss, {"top1": first}
+
+    @torch.no_grad()
+    def validate(self, batch: Any) -> dict[str, Tensor]:
+        """The loss and the share of pairs that stand first."""
+        loss, logs = self.loss(batch, 1.0, torch.Generator(batch.motion.device).manual_seed(0))
+        return {"loss": loss, **logs}
+
+    def _place(self, x: Tensor) -> Tensor:
+        return x if self.config.objective == "margin" else self.config.radius * F.normalize(x, dim=-1)
+
+
+def margin_loss(text: Tensor, motion: Tensor, same: Tensor, shift: int, margin: float) -> Tensor:
+    """Eq. 8 over the matched pairs and as many pairs of motion i with text i + shift.
+
+    Its norms are read as distances, as in the authors' code: d^2 for matches, max(0, m - d)^2 for mismatches. Shifted
+    pairs whose captions are equal (`same` (B, B)) are no mismatches and are left out.
+    """
+    matched = (text - motion).norm(dim=-1).square()
+    index = (torch.arange(len(text), device=text.device) + shift) % len(text)
+    mismatch = ~same[torch.arange(len(text), device=text.device), index]
+    pushed = (margin - (text[index] - motion).norm(dim=-1)).clamp(min=0).square()
+    return (matched.sum() + (pushed * mismatch).sum()) / (len(text) + mismatch.sum())
+
+
+def infonce_loss(text: Tensor, motion: Tensor, same: Tensor, temperature: float) -> Tensor:
+    """Symmetric InfoNCE on cosines; captions equal to a pair's own (`same` (B, B)) are no negatives for it."""
+    cosines = F.normalize(motion, dim=-1) @ F.normalize(text, dim=-1).t() / temperature
+    cosines = cosines.masked_fill(same & ~_diagonal(same), -torch.inf)
+    target = torch.arange(len(text), device=text.device)
+    return 0.5 * (F.cross_entropy(cosines, target) + F.cross_entropy(cosines.t(), target))
+
+
+def _diagonal(same: Tensor) -> Tensor:
+    return torch.eye(len(same), dtype=torch.bool, device=same.device)
+
+
+def _head(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(nn.Linear(inputs, hidden), nn.LayerNorm(hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, outputs))

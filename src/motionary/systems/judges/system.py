@@ -1,0 +1,54 @@
+"""How the judges and the retrieval baseline are built on what they need, and opened for use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from motionary.corpus.context import Context
+from motionary.errors import configure
+from motionary.systems.io import Trained
+
+if TYPE_CHECKING:
+    from motionary.systems.judges.corpus_search import Retrieval
+    from motionary.systems.judges.evaluator import Evaluator
+    from motionary.systems.judges.judge import Judge
+    from motionary.systems.judges.style_evaluator import StyleEvaluator, StyleJudge
+
+
+def build_evaluator(settings: Mapping[str, Any], context: Context, trained: Trained) -> Evaluator:
+    """A fresh evaluator on the codes of the trained autoencoder; `settings` are the remaining keys of its config."""
+    from motionary.systems.judges.evaluator import Evaluator, EvaluatorConfig
+
+    autoencoder = trained.load("autoencoder")
+    config = configure(EvaluatorConfig, {**settings, **autoencoder.config.as_upstream()}, "evaluator")
+    return Evaluator(config, context).take_snippets(autoencoder.encoder)
+
+
+def open_judge(trained: Trained, name: str) -> Judge:
+    """The trained evaluator, for motions and sentences of any number."""
+    from motionary.systems.judges.judge import Judge
+
+    return Judge(trained.path(name), str(trained.device))
+
+
+def build_style_evaluator(settings: Mapping[str, Any], context: Context, trained: Trained) -> StyleEvaluator:
+    """Fresh classifiers of style and content; `settings` are the keys of their config."""
+    from motionary.systems.judges.style_evaluator import StyleEvaluator, StyleEvaluatorConfig
+
+    return StyleEvaluator(configure(StyleEvaluatorConfig, settings, "style_evaluator"), context)
+
+
+def open_style_judge(trained: Trained, name: str) -> StyleJudge:
+    """The trained classifiers, for motions of any number."""
+    from motionary.systems.judges.style_evaluator import StyleJudge
+
+    return StyleJudge.open(trained.path(name), str(trained.device))
+
+
+def open_retrieval(trained: Trained, name: str) -> Retrieval:
+    """Answers copied from the corpus beside the folder of models."""
+    from motionary.systems.judges.corpus_search import Index, Retrieval
+
+    corpus = trained.folder.parent / "data" / "corpus"
+    return Retrieval(corpus, open_judge(trained, "evaluator"), Index.load(trained.path(name)))

@@ -1,0 +1,155 @@
+"""What systems offer, as types. Features are raw, (T, D) float32, of the corpus's codec (see `corpus.context`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from torch import Tensor
+
+from motionary.corpus.context import Context
+from motionary.corpus.store import Corpus
+from motionary.language import Sentence
+from motionary.motion import Motion
+
+# What a generator hands out: features of the corpus's codec, or, where a system has features of its own, a Motion.
+Made = np.ndarray | Motion
+
+
+class TextToMotion(Protocol):
+    """Motions from sentences. No result depends on the other texts of the call.
+
+    Attributes:
+        context: of the corpus that it learned from.
+        takes_lengths: it makes motions as long as it is told, and does not only cut what it found.
+    """
+
+    context: Context
+    takes_lengths: bool
+
+    def generate(
+        self,
+        sentences: Sequence[Sentence],
+        seeds: Sequence[int],
+        frames: Sequence[int] | None = None,
+        **options: float,
+    ) -> Sequence[Made]:
+        """One motion a sentence, never empty; equal sentence, seed and options give an equal motion."""
+        ...
+
+
+class MotionToText(Protocol):
+    """Captions of motions.
+
+    Attributes:
+        context: of the corpus that it learned from.
+        draws: it can choose a caption by consensus of draws.
+    """
+
+    context: Context
+    draws: bool
+
+    def caption(
+        self,
+        features: Sequence[np.ndarray],
+        beams: int = 2,
+        n: int = 1,
+        seeds: Sequence[int] | None = None,
+        temperature: float | None = None,
+        consensus: int = 0,
+    ) -> list[list[str]]:
+        """n captions of each motion as normalized words, best first."""
+        ...
+
+
+class MotionCodec(Protocol):
+    """Motions to codes and back, in batches; a network."""
+
+    context: Context
+
+    def to(self, device: str) -> MotionCodec:
+        """The codec on a device."""
+        ...
+
+    def eval(self) -> MotionCodec:
+        """The codec in evaluation mode."""
+        ...
+
+    def encode(self, raw: Tensor, frames: Tensor) -> Tensor:
+        """raw (B, T, D), frames (B,) -> codes (B, T // unit, ...)."""
+        ...
+
+    def decode(self, codes: Tensor, count: Tensor) -> Tensor:
+        """codes, valid codes (B,) -> raw features (B, T, D)."""
+        ...
+
+
+class TextToLength(Protocol):
+    """How long motions of a text are."""
+
+    def distribution(self, sentences: Sequence[Sentence]) -> np.ndarray:
+        """(N, T_max) probabilities of lengths of 1 to T_max units."""
+        ...
+
+
+class TextMotionJudge(Protocol):
+    """Texts and motions in one space, where matching ones are near.
+
+    Attributes:
+        context: of the corpus that it learned from.
+        hash: names its weights.
+        batch_size: items of a forward pass.
+    """
+
+    context: Context
+    hash: str
+    batch_size: int
+
+    def motions(self, features: Sequence[np.ndarray], progress: str | None = None) -> np.ndarray:
+        """(N, E) features of motions."""
+        ...
+
+    def sentences(self, sentences: Sequence[Sentence]) -> np.ndarray:
+        """(N, E) features of sentences."""
+        ...
+
+
+class StyleClassifier(Protocol):
+    """Style and content (action) of motions.
+
+    Attributes:
+        trained: there were style labels to learn from.
+        hash: names its weights.
+    """
+
+    hash: str
+
+    @property
+    def trained(self) -> bool: ...
+
+    def style(self, features: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Logits (N, styles) and features (N, dim) of unit length."""
+        ...
+
+    def content(self, features: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Logits (N, actions) and features (N, dim) of unit length."""
+        ...
+
+
+class MotionIndex(Protocol):
+    """Features of every window of a corpus, (N, E) float32."""
+
+    motions: np.ndarray
+
+
+class CorpusSearch(Protocol):
+    """Windows of a corpus by meaning."""
+
+    corpus: Corpus
+    judge: TextMotionJudge
+    index: MotionIndex
+
+    def search(self, sentences: Sequence[Sentence], k: int = 5) -> np.ndarray:
+        """(N, k) rows of the corpus, nearest first."""
+        ...

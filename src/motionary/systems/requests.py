@@ -1,0 +1,38 @@
+"""What every generator does with the texts that it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from motionary.corpus.context import Context
+from motionary.errors import InputError
+from motionary.language import Sentence
+
+
+def encode_sentences(context: Context, sentences: Sequence[Sentence], device: Any) -> tuple[Tensor, Tensor, Tensor]:
+    """Word ids and tags (B, N) and counts (B,) on a device, typos corrected."""
+    vocabulary = context.vocabulary
+    arrays = vocabulary.encode_batch([vocabulary.correct(sentence) for sentence in sentences])
+    words, tags, count = (torch.from_numpy(array).to(device) for array in arrays)
+    return words, tags, count
+
+
+def check_seeds(sentences: Sequence[Sentence], seeds: Sequence[int]) -> None:
+    """InputError unless there is one seed per sentence."""
+    if len(seeds) != len(sentences):
+        raise InputError("seeds", len(seeds), f"must be one per sentence, {len(sentences)}")
+
+
+def check_frames(context: Context, sentences: Sequence[Sentence], frames: Sequence[int]) -> list[int]:
+    """The wanted lengths as whole numbers; InputError unless there is one per sentence that models can make: from one
+    unit to the longest window of the corpus."""
+    if len(frames) != len(sentences):
+        raise InputError("frames", len(frames), f"must be one per sentence, {len(sentences)}")
+    for wanted in frames:
+        if isinstance(wanted, bool) or wanted != int(wanted) or not context.unit <= wanted <= context.max_frames:
+            raise InputError("frames", wanted, f"must be a whole number from {context.unit} to {context.max_frames}")
+    return [int(wanted) for wanted in frames]

@@ -1,0 +1,1 @@
+"""Latent stylization (thesis chapter 5): motion codes, root velocities, style transfer."""

@@ -1,0 +1,149 @@
+"""Motion codes for stylization: a convolutional autoencoder of local motion, four frames to a code (thesis 5.2.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from motionary.errors import InputError, check_values
+from motionary.nn.convolutions import Down, Up, coarser, finer, keep, step_mask
+from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.nn.reconstruction import position_error
+from motionary.nn.snippets import UNIT, prepare
+
+VARIANTS = ("V", "A", "none")
+LARGEST = 4.0  # of a log-variance, either way: beyond, one odd clip's noise throws the whole training off
+
+
+@dataclass(frozen=True)
+class LatentsConfig:
+    """Attributes:
+    variant: "V", a variational autoencoder with a light KL term; "A", a plain one with L1 penalties on the codes'
+        magnitude and smoothness; "none", the ablation "w/o latent": the code of four frames is these frames
+        themselves, side by side, and nothing is trained.
+    width: channels between the two convolutions.
+    code_dim: dimensions of a code, D_z.
+    kl: weight of V's divergence from the standard normal, lambda_kl^l.
+    sparsity, smoothness: weights of A's penalties, lambda_l1 and lambda_sms.
+    """
+
+    variant: str = "V"
+    width: int = 512
+    code_dim: int = 512
+    kl: float = 0.001
+    sparsity: float = 0.001
+    smoothness: float = 0.001
+
+    def __post_init__(self) -> None:
+        if self.variant not in VARIANTS:
+            raise InputError("latents.variant", self.variant, f"must be one of {', '.join(VARIANTS)}")
+        check_values("latents", self, ("width", "code_dim"), lambda v: v >= 1, "must be at least 1")
+        check_values("latents", self, ("kl", "sparsity", "smoothness"), lambda v: v >= 0, "must not be negative")
+
+
+class Latents(nn.Module):
+    """E and D of thesis 5.2.1: local motion <-> codes. Channels come first inside: codes are (B, D_z, T/4).
+
+    Local motion is the codec's features without the root's three velocities: 260 of HumanML3D's 263, which stand in
+    for the thesis's own 260. The root's velocities come from :mod:`motionary.systems.stylization.global_motion`.
+
+    Attributes:
+        local_dim: features of local motion.
+        dim: channels of a code.
+    """
+
+    def __init__(self, config: LatentsConfig, context: Any):
+        super().__init__()
+        self.config, self.context = config, context
+        self.normalizer = Normalizer(context.mean, context.std)
+        self.root = context.make_codec().slices["root_linear"].stop  # the root's velocities come first
+        self.local_dim = context.dim - self.root
+        self.dim = UNIT * self.local_dim if config.variant == "none" else config.code_dim
+        if config.variant == "none":
+            return
+        width, codes = config.width, config.code_dim
+        self.first = Down(self.local_dim, width)
+        self.second = nn.Conv1d(width, 2 * codes if config.variant == "V" else codes, 4, stride=2, padding=1)
+        self.up_first = Up(codes, width, transposed=True)
+        self.up_second = nn.ConvTranspose1d(width, self.local_dim, 4, stride=2, padding=1)
+
+    def local(self, raw: Tensor) -> Tensor:
+        """Raw features (..., D) -> normalized local motion (..., local_dim)."""
+        return self.normalizer(raw)[..., self.root :]
+
+    def raw(self, root: Tensor, local: Tensor) -> Tensor:
+        """Normalized root velocities (..., 3) and local motion (..., local_dim) -> raw features (..., D)."""
+        return self.normalizer.inverse(torch.cat([root, local], -1))
+
+    def encode(self, local: Tensor, frames: Tensor | None = None) -> Tensor:
+        """E: normalized local motion (B, T, local_dim) -> codes (B, dim, T/4), V's means; zero beyond the frames."""
+        return self._posterior(local, frames)[0]
+
+    def decode(self, codes: Tensor, count: Tensor | None = None) -> Tensor:
+        """D: codes (B, dim, S), of which (B,) count -> normalized local motion (B, 4 S, local_dim)."""
+        quarter = step_mask(count, codes)
+        if self.config.variant == "none":
+            return keep(codes, quarter).transpose(1, 2).unflatten(-1, (UNIT, self.local_dim)).flatten(1, 2)
+        half = finer(quarter)
+        x = self.up_first(keep(codes, quarter), half)
+        return keep(self.up_second(x), finer(half)).transpose(1, 2)
+
+    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        """L1 reconstruction plus the variant's penalty, as means over valid frames and features (steps and channels)
+        in place of sums."""
+        return self._loss(batch, generator)[:2]
+
+    @torch.no_grad()
+    def validate(self, batch: Any) -> dict[str, Tensor]:
+        """The loss with V's means for draws, its terms and the error of the joints' local positions in millimeters."""
+        loss, terms, local = self._loss(batch, None)
+        root = self.normalizer(batch.motion[:, : local.shape[1]])[..., : self.root]
+        decoded = self.raw(root, local)
+        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, len(self.context.skeleton.joints))
+        return {"loss": loss, **terms, "position_mm": error}
+
+    def _posterior(self, local: Tensor, frames: Tensor | None) -> tuple[Tensor, Tensor | None]:
+        """Means, and V's log-variances, both (B, dim, T/4)."""
+        x, mask = prepare(local, frames)
+        if self.config.variant == "none":
+            return x.transpose(1, 2).unflatten(1, (-1, UNIT)).flatten(2).transpose(1, 2), None
+        half = coarser(mask)
+        hidden, quarter = self.first(x, half), coarser(half)
+        if not self.training and self.config.variant == "V":  # in use, the variances are not even computed
+            return keep(nn.functional.conv1d(hidden, *self._mean_weights(), stride=2, padding=1), quarter), None
+        codes = keep(self.second(hidden), quarter)
+        if self.config.variant == "A":
+            return codes, None
+        mean, log_variance = codes.chunk(2, 1)
+        return mean, log_variance.clamp(-LARGEST, LARGEST)
+
+    def _mean_weights(self) -> tuple[Tensor, Tensor]:
+        assert self.second.bias is not None
+        return self.second.weight[: self.dim], self.second.bias[: self.dim]
+
+    def _loss(self, batch: Any, generator: torch.Generator | None) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+        local = self.local(batch.motion)
+        codes, log_variance = self._posterior(local, batch.frames)
+        count = torch.div(batch.frames, UNIT, rounding_mode="floor")
+        valid = length_mask(count, codes.shape[-1])
+        drawn = codes
+        if log_variance is not None and generator is not None:
+            noise = torch.randn(codes.shape, generator=generator, device=codes.device, dtype=codes.dtype)
+            drawn = keep(codes + noise * (0.5 * log_variance).exp(), valid[:, None].to(codes.dtype))
+        decoded = self.decode(drawn, count)
+        mask = length_mask(count * UNIT, decoded.shape[1])
+        terms = {"reconstruction": masked_mean((decoded - local[:, : decoded.shape[1]]).abs(), mask)}
+        loss = terms["reconstruction"]
+        if self.config.variant == "V" and log_variance is not None:
+            kl = 0.5 * (codes.square() + log_variance.exp() - 1 - log_variance)
+            terms["kl"] = masked_mean(kl.transpose(1, 2), valid)
+            loss = loss + self.config.kl * terms["kl"]
+        elif self.config.variant == "A":
+            steps = codes.transpose(1, 2)
+            terms["sparsity"] = masked_mean(steps.abs(), valid)
+            terms["smoothness"] = masked_mean((steps[:, 1:] - steps[:, :-1]).abs(), valid[:, 1:])
+            loss = loss + self.config.sparsity * terms["sparsity"] + self.config.smoothness * terms["smoothness"]
+        return loss, {name: value.detach() for name, value in terms.items()}, decoded

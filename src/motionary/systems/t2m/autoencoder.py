@@ -1,0 +1,99 @@
+"""Motion snippet codes: a convolutional autoencoder, four frames to a code (thesis 4.2.1, Eq. 4.1-4.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from motionary.errors import InputError
+from motionary.nn.layers import length_mask, masked_mean
+from motionary.nn.reconstruction import distance, feature_weights, position_error
+from motionary.nn.snippets import UNIT, SnippetDecoder, SnippetEncoder
+
+
+@dataclass(frozen=True)
+class AutoencoderConfig:
+    """Attributes:
+    width: channels between the two convolutions.
+    code_dim: dimensions of a snippet code.
+    sparsity: weight of the codes' L1 norm (Eq. 4.2); 0 leaves the term out.
+    smoothness: weight of the L1 norm of the difference of neighbouring codes (Eq. 4.2); 0 leaves it out.
+    hide_contacts: the encoder does not see the foot contacts, the decoder predicts them.
+    position_weight: extra weight of the local joint positions in the reconstruction (0: the thesis).
+    square_from: see :func:`distance` (0: the thesis).
+    """
+
+    width: int = 512
+    code_dim: int = 512
+    sparsity: float = 0.001
+    smoothness: float = 0.001
+    hide_contacts: bool = True
+    position_weight: float = 0.0
+    square_from: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.square_from < 0:
+            raise InputError("autoencoder.square_from", self.square_from, "must be at least 0")
+
+    def as_upstream(self) -> dict[str, Any]:
+        """What this decides of the config of a system that reads the codes."""
+        return {"snippet_width": self.width, "snippet_dim": self.code_dim, "hide_contacts": self.hide_contacts}
+
+
+class Autoencoder(nn.Module):
+    """Snippet codes and back (Eq. 4.1). Features cross its borders raw.
+
+    encode(raw (B, T, D), frames (B,)) -> codes (B, T/4, code_dim); decode(codes, count (B,)) -> raw (B, 4S, D).
+    """
+
+    weights: Tensor
+
+    def __init__(self, config: AutoencoderConfig, context: Any):
+        super().__init__()
+        self.config, self.context = config, context
+        self.encoder = SnippetEncoder(config.width, config.code_dim, config.hide_contacts, context.mean, context.std)
+        features = len(self.encoder.normalizer.mean)
+        self.decoder = SnippetDecoder(config.width, config.code_dim, features)
+        self.joints = len(context.skeleton.joints)
+        weights = feature_weights(features, self.joints, config.position_weight)
+        self.register_buffer("weights", weights, persistent=False)
+
+    def encode(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
+        """Snippet codes of raw features, zero beyond an item's frames."""
+        return self.encoder(raw, frames)
+
+    def decode(self, codes: Tensor, count: Tensor | None = None) -> Tensor:
+        """Raw features of snippet codes."""
+        return self.encoder.normalizer.inverse(self.decoder(codes, count))
+
+    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        """Eq. 4.2, as means over valid frames and features (codes and dimensions) in place of sums."""
+        return self._loss(batch)[:2]
+
+    def _loss(self, batch: Any) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+        codes = self.encode(batch.motion, batch.frames)
+        count = torch.div(batch.frames, UNIT, rounding_mode="floor")
+        output = self.decoder(codes, count)
+        target = self.encoder.normalizer(batch.motion[:, : output.shape[1]])
+        mask = length_mask(count * UNIT, output.shape[1])
+        terms = {"reconstruction": masked_mean(distance(output - target, self.config.square_from) * self.weights, mask)}
+        valid = length_mask(count, codes.shape[1])
+        terms["sparsity"] = masked_mean(codes.abs(), valid)
+        terms["smoothness"] = masked_mean((codes[:, 1:] - codes[:, :-1]).abs(), valid[:, 1:])
+        loss = (
+            terms["reconstruction"]
+            + self.config.sparsity * terms["sparsity"]
+            + self.config.smoothness * terms["smoothness"]
+        )
+        return loss, {name: value.detach() for name, value in terms.items()}, output
+
+    @torch.no_grad()
+    def validate(self, batch: Any) -> dict[str, Tensor]:
+        """The loss, its terms and the position error in millimetres."""
+        loss, terms, output = self._loss(batch)
+        decoded = self.encoder.normalizer.inverse(output)
+        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, self.joints)
+        return {"loss": loss, **terms, "position_mm": error}

@@ -1,0 +1,135 @@
+"""How long a motion lasts, given its text (thesis 4.2.2): a distribution over lengths in units of four frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from motionary.corpus.context import Context
+from motionary.errors import InputError, check_values
+from motionary.language import END, UNKNOWN, Sentence
+from motionary.nn.decoding import Sampling
+from motionary.nn.layers import TextEncoder
+from motionary.systems.requests import encode_sentences
+
+LENGTH_STREAM = 1  # beside a generation's own seed, so that drawing a length leaves the motion's noise alone
+
+
+@dataclass(frozen=True)
+class Text2LengthConfig:
+    """Settings of the length distribution; the defaults are those of the released implementation.
+
+    Attributes:
+        word_dim, text_width: of the text encoder; text_width is one direction of its GRU.
+        tags: read word classes besides words.
+        dropout: on embedded words and on the sentence feature.
+        word_dropout: share of words that are unknown while training, so that unknown words can be met.
+        spread: the target is a bell of this standard deviation, in units, around the true length; 0 is the thesis's
+            plain cross-entropy, which takes a length one unit off for as wrong as any other.
+    """
+
+    word_dim: int = 300
+    text_width: int = 512
+    tags: bool = True
+    dropout: float = 0.0
+    word_dropout: float = 0.0
+    spread: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_values("text2length", self, ("dropout", "word_dropout"), lambda v: 0 <= v < 1, "must be in [0, 1)")
+        if self.spread < 0:
+            raise InputError("text2length.spread", self.spread, "must not be negative (0: only the true length)")
+
+
+class Text2Length(nn.Module):
+    """p(T | sentence) over T = 1 .. T_max units; T_max is the longest window of the corpus."""
+
+    def __init__(self, config: Text2LengthConfig, context: Context):
+        super().__init__()
+        self.config, self.context = config, context
+        self.text = TextEncoder(
+            len(context.vocabulary), config.word_dim, config.text_width, config.tags, config.dropout
+        )
+        width = config.text_width
+        self.head = nn.Sequential(
+            nn.Dropout(config.dropout),
+            nn.Linear(2 * width, width),
+            nn.LayerNorm(width),
+            nn.LeakyReLU(0.2),
+            nn.Linear(width, context.max_tokens),
+        )
+
+    def forward(self, words: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
+        """words (B, N), tags (B, N) | None, count (B,) -> logits (B, T_max), column k for k + 1 units."""
+        return self.head(self.text.sentence(words, tags, count))
+
+    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        """Cross-entropy with the true length, or with a bell around it (`spread`)."""
+        words = hide_words(batch.words, self.config.word_dropout, generator) if self.training else batch.words
+        logits, target = self(words, batch.tags, batch.word_count), self._target(batch)
+        nll = F.cross_entropy(logits, target)
+        if not self.config.spread:
+            return nll, {"nll": nll.detach()}
+        units = torch.arange(logits.shape[1], device=logits.device)
+        bell = torch.softmax(-0.5 * ((units - target[:, None]) / self.config.spread).square(), dim=-1)
+        return F.cross_entropy(logits, bell), {"nll": nll.detach()}
+
+    @torch.no_grad()
+    def validate(self, batch: Any) -> dict[str, Tensor]:
+        """Negative log-likelihood in nats, and the share of lengths within one unit of the likeliest."""
+        logits, target = self(batch.words, batch.tags, batch.word_count), self._target(batch)
+        near = (logits.argmax(-1) - target).abs() <= 1
+        return {"loss": F.cross_entropy(logits, target), "within_1": near.float().mean()}
+
+    def _target(self, batch: Any) -> Tensor:
+        units = torch.div(batch.frames, self.context.unit, rounding_mode="floor")
+        return units.clamp(1, self.context.max_tokens) - 1
+
+
+class Lengths:
+    """Lengths for sentences with a trained :class:`Text2Length`; none depends on the other sentences of the call."""
+
+    def __init__(self, model: Text2Length):
+        self.model, self.context = model.eval(), model.context
+
+    @torch.no_grad()
+    def distribution(self, sentences: Sequence[Sentence]) -> np.ndarray:
+        """(B, T_max) probabilities, column k for k + 1 units."""
+        device = next(self.model.parameters()).device
+        logits = self.model(*encode_sentences(self.context, sentences, device))
+        return torch.softmax(logits.double(), dim=-1).cpu().numpy()
+
+    def sample(
+        self, sentences: Sequence[Sentence], seeds: Sequence[int], likeliest: bool = False, temperature: float = 1.0
+    ) -> list[int]:
+        """Frames (a multiple of the unit) for each sentence, drawn from its distribution or the likeliest.
+
+        Raises:
+            InputError: not one seed per sentence, or a temperature that is not positive.
+        """
+        if len(seeds) != len(sentences):
+            raise InputError("seeds", len(seeds), f"must be one per sentence, {len(sentences)}")
+        if not sentences:
+            return []
+        probabilities = torch.from_numpy(self.distribution(sentences))
+        if likeliest:
+            units = probabilities.argmax(-1)
+        else:
+            noise = [np.random.default_rng([int(seed), LENGTH_STREAM]).random() for seed in seeds]
+            draw = Sampling(temperature).draw
+            units = draw(probabilities.log(), torch.tensor(noise, dtype=torch.float64))
+        return [(int(k) + 1) * self.context.unit for k in units]
+
+
+def hide_words(words: Tensor, share: float, generator: torch.Generator) -> Tensor:
+    """Word ids (B, N) of which a share is replaced by the unknown word; special ids stay."""
+    if not share:
+        return words
+    hidden = torch.rand(words.shape, generator=generator, device=words.device) < share
+    return words.masked_fill(hidden & (words > END), UNKNOWN)

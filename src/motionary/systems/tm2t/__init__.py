@@ -1,0 +1,1 @@
+"""TM2T: motion tokens, motion to text, text to motion, inverse alignment."""

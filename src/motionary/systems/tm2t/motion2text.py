@@ -1,0 +1,191 @@
+"""Motion to text: a Transformer that translates motion tokens into words (TM2T 3.2, Eq. 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from motionary.corpus.context import Context
+from motionary.errors import InputError
+from motionary.language import PAD
+from motionary.nn.layers import Normalizer, length_mask
+from motionary.nn.transformer import Cache, TokenTransformer
+
+
+@dataclass(frozen=True)
+class Motion2TextConfig:
+    """Settings of the captioner; the defaults are the paper's (appendix B).
+
+    Attributes:
+        codes: size of the tokenizer's codebook (the stage takes it from there).
+        tokenizer: name of the system whose tokens are read.
+        tokens: read motion tokens; False is the ablation of Table 1, which reads the features themselves.
+        pose_frames: without tokens, frames that one position of the source holds: 1 reads pose after pose, the
+            corpus's unit of frames gives sources as short as those of tokens.
+        width, layers, feed_forward, heads: of the Transformer, `layers` in encoder and decoder each.
+        dropout: on embeddings and branches.
+        label_smoothing: share of the target's probability spread over all words (0 in the paper).
+        token_dropout: share of motion tokens hidden from the encoder while training (0 in the paper).
+        start_from_codebook: token embeddings start as the tokenizer's codebook, codes of like motion alike (False in
+            the paper: at random).
+        shifts: starts, in frames, from which a motion is cut into units: training draws one, decoding averages what all
+            of them predict (1 in the paper). Which frames share a unit is chance.
+        members: captioners that are trained apart, each with its own seed, and average what they predict (1 in the
+            paper). Inverse alignment learns from the first.
+        most_words: longest caption.
+    """
+
+    codes: int
+    tokenizer: str = "tokenizer"
+    tokens: bool = True
+    pose_frames: int = 1
+    width: int = 512
+    layers: int = 4
+    feed_forward: int = 2048
+    heads: int = 8
+    dropout: float = 0.1
+    label_smoothing: float = 0.0
+    token_dropout: float = 0.0
+    start_from_codebook: bool = False
+    shifts: int = 1
+    members: int = 1
+    most_words: int = 30
+
+
+class Motion2Text(nn.Module):
+    """p(words | motion tokens). Tokens K, K + 1 and K + 2 are start, end and padding of a motion.
+
+    Word embedding and output projection share their weights.
+    """
+
+    def __init__(self, config: Motion2TextConfig, context: Context):
+        super().__init__()
+        if config.width % config.heads:
+            raise InputError("motion2text.width", config.width, f"must be divisible by heads={config.heads}")
+        if not 1 <= config.shifts <= context.unit:
+            raise InputError("motion2text.shifts", config.shifts, f"must lie in 1..{context.unit}")
+        self.config, self.context = config, context
+        self.start_token, self.end_token, self.pad_token = config.codes, config.codes + 1, config.codes + 2
+        words = len(context.vocabulary)
+        if config.tokens:
+            self.source = nn.Embedding(config.codes + 3, config.width, padding_idx=self.pad_token)
+            nn.init.normal_(self.source.weight, std=1.0)
+        else:
+            self.normalizer = Normalizer(context.mean, context.std)
+            if config.pose_frames < 1 or context.unit % config.pose_frames:
+                raise InputError(
+                    "motion2text.pose_frames", config.pose_frames, f"must divide the unit of {context.unit}"
+                )
+            self.source = nn.Linear(config.pose_frames * len(context.mean), config.width)
+        self.words = nn.Embedding(words, config.width, padding_idx=PAD)
+        nn.init.normal_(self.words.weight, std=config.width**-0.5)
+        self.body = TokenTransformer(
+            config.width, config.heads, config.feed_forward, config.layers, config.layers, config.dropout
+        )
+
+    # The source -----------------------------------------------------------------------------------------------------
+
+    def token_source(self, tokens: Tensor, count: Tensor) -> tuple[Tensor, Tensor]:
+        """Motion codes (B, S), valid counts (B,) -> ids (B, S + 2) with start, end and padding, and their mask."""
+        ids = F.pad(tokens, (1, 1), value=self.pad_token)
+        ids[:, 0] = self.start_token
+        mask = length_mask(count + 2, ids.shape[1])
+        ids = ids.masked_fill(~mask, self.pad_token).scatter(1, count[:, None] + 1, self.end_token)
+        return ids, mask
+
+    def embed(self, source: Tensor) -> Tensor:
+        """Token ids (B, S), or distributions over the K + 3 tokens (B, S, K + 3), to embeddings (B, S, width)."""
+        if source.is_floating_point():
+            return source @ self.source.weight
+        return self.source(source)
+
+    def embed_tokens(self, tokens: Tensor, count: Tensor) -> tuple[Tensor, Tensor]:
+        """Motion codes (B, S), valid counts (B,) -> their embeddings (B, S + 2, width), mask."""
+        ids, mask = self.token_source(tokens, count)
+        return self.embed(ids), mask
+
+    def embed_motion(self, motion: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
+        """Raw features (B, T, D), T a multiple of p = pose_frames -> their embeddings (B, T / p, width), mask."""
+        size = self.config.pose_frames
+        mask = length_mask(frames, motion.shape[1])
+        motion = self.normalizer(motion) * mask[..., None]
+        positions = (frames + size - 1) // size
+        return self.source(motion.unflatten(1, (-1, size)).flatten(2)), length_mask(positions, motion.shape[1] // size)
+
+    def source_of(self, batch: Any) -> tuple[Tensor, Tensor]:
+        """Embedded source and its mask, from a batch's tokens or features."""
+        if not self.config.tokens:
+            return self.embed_motion(batch.motion, batch.frames)
+        ids, mask = self.token_source(batch.tokens, batch.token_count)
+        if self.training and self.config.token_dropout:
+            hidden = torch.rand(ids.shape, device=ids.device) < self.config.token_dropout
+            ids = ids.masked_fill(hidden & (ids < self.config.codes), self.pad_token)
+        return self.embed(ids), mask
+
+    @torch.no_grad()
+    def start_from(self, codebook: Tensor) -> None:
+        """Token embeddings become a random projection of the codebook (K, d), at unit scale."""
+        centred = codebook - codebook.mean(0)
+        projected = centred @ torch.randn(codebook.shape[1], self.config.width)
+        self.source.weight[: len(codebook)] = projected / projected.std()
+
+    # Training -------------------------------------------------------------------------------------------------------
+
+    def logits(self, source: Tensor, mask: Tensor, words: Tensor) -> Tensor:
+        """Embedded source (B, S, width), its mask, words (B, N) -> logits (B, N, V) of each next word."""
+        memory = self.body.encode(source, mask)
+        return F.linear(self.body.decode(self._embed_words(words), memory, mask), self.words.weight)
+
+    def nll(self, source: Tensor, mask: Tensor, words: Tensor, smoothing: float = 0.0) -> tuple[Tensor, Tensor]:
+        """Eq. 4: negative log-likelihood per predicted word (B, N - 1), zero at padding, and the mask of those."""
+        targets = words[:, 1:]
+        logits = self.logits(source, mask, words[:, :-1])
+        losses = F.cross_entropy(
+            logits.transpose(1, 2), targets, ignore_index=PAD, reduction="none", label_smoothing=smoothing
+        )
+        return losses, targets != PAD
+
+    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        """Mean of Eq. 4 over all words of the batch."""
+        losses, valid = self.nll(*self.source_of(batch), batch.words, self.config.label_smoothing)
+        loss = losses.sum() / valid.sum()
+        return loss, {"caption_nll": loss.detach()}
+
+    def validate(self, batch: Any) -> dict[str, Tensor]:
+        """The unsmoothed loss per word."""
+        losses, valid = self.nll(*self.source_of(batch), batch.words)
+        return {"loss": losses.sum() / valid.sum()}
+
+    # Decoding -------------------------------------------------------------------------------------------------------
+
+    def start(self, source: Tensor, mask: Tensor) -> Cache:
+        """The decoding state before the first word."""
+        return self.body.start(self.body.encode(source, mask), mask)
+
+    def step(self, state: Cache, tokens: Tensor) -> tuple[Tensor, Cache]:
+        """See :class:`motionary.nn.decoding.Decoder`."""
+        hidden, state = self.body.step(self._embed_words(tokens), state)
+        return F.linear(hidden, self.words.weight), state
+
+    def reorder(self, state: Cache, index: Tensor) -> Cache:
+        """See :class:`motionary.nn.decoding.Decoder`."""
+        return state.reorder(index)
+
+    def _embed_words(self, words: Tensor) -> Tensor:
+        return self.words(words) * self.config.width**0.5
+
+
+def member_name(number: int) -> str:
+    """Folder of a member below `models/motion2text`, which holds the first one itself."""
+    return f"member_{number + 1}" if number else ""
+
+
+def member_seeds(seed: int, members: int) -> list[int]:
+    """Seeds of the members, first that of the run; runs of neighboring seeds share none."""
+    if members < 1:
+        raise InputError("motion2text.members", members, "must be at least 1")
+    return [seed + 1009 * number for number in range(members)]

@@ -1,0 +1,195 @@
+"""Text to motion tokens: the attentive GRU (TM2T 3.3, Eq. 5-6) and the Transformer baseline "ours baseline (T)"."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from motionary.corpus.context import Context
+from motionary.errors import InputError, check_values
+from motionary.language import END, UNKNOWN
+from motionary.nn.decoding import Sampling
+from motionary.nn.layers import WordEmbedding, length_mask
+from motionary.nn.transformer import Cache, TokenTransformer
+from motionary.systems.tm2t.token_gru import TokenGRU
+
+
+@dataclass(frozen=True)
+class Text2TokenConfig:
+    """Settings of the generator; the defaults are the paper's (appendix B, Table 3).
+
+    Attributes:
+        codes: size of the tokenizer's codebook (the stage takes it from there).
+        tokenizer: name of the system whose tokens are written.
+        architecture: "gru", or "transformer" for the baseline (T).
+        word_dim, text_width: of the text encoder; text_width is one direction of its GRU.
+        width: of the token GRU, or of the Transformer.
+        layers, feed_forward, heads: of the Transformer, `layers` in encoder and decoder each.
+        tags: read word classes besides words.
+        positions: add sinusoids of the time step to the GRU's tokens (Table 3).
+        dropout: on word features, token embeddings, outputs and branches.
+        label_smoothing: share of the target's probability spread over all tokens (0 in the paper).
+        teacher_forcing_start, teacher_forcing_end: probability that a sequence reads the true tokens and not its own
+            draws, from the first step of training to the last (paper: 0.4 throughout). The Transformer always does.
+        token_dropout: share of input tokens that are hidden while training (0 in the paper).
+        word_dropout: share of words that are unknown while training, so that unknown words can be met (0 in the paper).
+        text_dropout: share of sentences replaced by the empty one while training, which guidance needs (0: none).
+        most_tokens: longest motion, in tokens.
+        temperature, top_k, top_p: of sampling, where a call does not say otherwise.
+        guidance: scale of classifier-free guidance (Ho and Salimans, 2022); 1 is off.
+    """
+
+    codes: int
+    tokenizer: str = "tokenizer"
+    architecture: str = "gru"
+    word_dim: int = 300
+    text_width: int = 512
+    width: int = 1024
+    layers: int = 3
+    feed_forward: int = 2048
+    heads: int = 8
+    tags: bool = False
+    positions: bool = True
+    dropout: float = 0.0
+    label_smoothing: float = 0.0
+    teacher_forcing_start: float = 0.4
+    teacher_forcing_end: float = 0.4
+    token_dropout: float = 0.0
+    word_dropout: float = 0.0
+    text_dropout: float = 0.0
+    most_tokens: int = 49
+    temperature: float = 1.0
+    top_k: int = 0
+    top_p: float = 1.0
+    guidance: float = 1.0
+
+    def __post_init__(self):
+        shares = ("teacher_forcing_start", "teacher_forcing_end", "token_dropout", "word_dropout", "text_dropout")
+        check_values("text2token", self, shares, lambda v: 0 <= v <= 1, "must be a probability, 0 to 1")
+        if self.architecture not in ("gru", "transformer"):
+            raise InputError("text2token.architecture", self.architecture, "must be gru or transformer")
+        if self.architecture == "transformer" and self.width % self.heads:
+            raise InputError("text2token.width", self.width, f"must be divisible by heads={self.heads}")
+        if self.guidance != 1 and not self.text_dropout:
+            raise InputError("text2token.guidance", self.guidance, "must be 1 unless text_dropout is above 0")
+        Sampling(self.temperature, self.top_k, self.top_p)
+
+
+class TransformerTokens(nn.Module):
+    """The Transformer in the GRU's place, with the same methods; it is always teacher-forced, as in the paper."""
+
+    def __init__(self, config: Text2TokenConfig, words: int):
+        super().__init__()
+        self.words = WordEmbedding(words, config.width, config.tags)
+        self.tokens = nn.Embedding(config.codes + 3, config.width)
+        nn.init.normal_(self.tokens.weight, std=config.width**-0.5)
+        self.body = TokenTransformer(
+            config.width, config.heads, config.feed_forward, config.layers, config.layers, config.dropout
+        )
+        self.scale = config.width**0.5
+
+    def start(self, words: Tensor, tags: Tensor | None, count: Tensor) -> tuple[Tensor, Tensor]:
+        """See :class:`TokenGRU`; here the state is the memory and its mask until the first step."""
+        mask = length_mask(count, words.shape[1])
+        return self.body.encode(self.words(words, tags) * self.scale, mask), mask
+
+    def unroll(self, state: tuple[Tensor, Tensor], tokens: Tensor, free=None, generator=None) -> Tensor:
+        """All positions at once."""
+        return self.body.decode(self.tokens(tokens) * self.scale, *state)
+
+    def logits(self, hidden: Tensor) -> Tensor:
+        """Embedding and projection share their weights."""
+        return F.linear(hidden, self.tokens.weight)
+
+    def step(self, state: Cache | tuple[Tensor, Tensor], tokens: Tensor) -> tuple[Tensor, Cache]:
+        """See :class:`motionary.nn.decoding.Decoder`."""
+        cache = state if isinstance(state, Cache) else self.body.start(*state)
+        hidden, cache = self.body.step(self.tokens(tokens) * self.scale, cache)
+        return self.logits(hidden), cache
+
+    def reorder(self, state: Cache | tuple[Tensor, Tensor], index: Tensor) -> Cache:
+        """See :class:`motionary.nn.decoding.Decoder`."""
+        cache = state if isinstance(state, Cache) else self.body.start(*state)
+        return cache.reorder(index)
+
+
+class Text2Token(nn.Module):
+    """p(motion tokens | sentence). Tokens K, K + 1 and K + 2 are start, end and padding."""
+
+    def __init__(self, config: Text2TokenConfig, context: Context):
+        super().__init__()
+        self.config, self.context = config, context
+        self.start_token, self.end_token, self.pad_token = config.codes, config.codes + 1, config.codes + 2
+        words = len(context.vocabulary)
+        if config.architecture == "transformer":
+            self.net: TokenGRU | TransformerTokens = TransformerTokens(config, words)
+        else:
+            self.net = TokenGRU(
+                config.codes, words, config.word_dim, config.text_width, config.width, config.tags, config.positions,
+                config.dropout,
+            )  # fmt: skip
+
+    def nll(
+        self, batch: Any, free: Tensor | None = None, generator: torch.Generator | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """Negative log-likelihood (B, S + 1) of each token and the end, zero at padding, and the mask of those.
+
+        Rows `free` (indices) read their own draws, the others the true tokens.
+        """
+        smoothing = self.config.label_smoothing if self.training else 0.0
+        inputs = F.pad(batch.tokens, (1, 0), value=self.start_token)
+        valid = length_mask(batch.token_count + 1, inputs.shape[1])
+        targets = F.pad(batch.tokens, (0, 1)).scatter(1, batch.token_count[:, None], self.end_token)
+        targets = targets.masked_fill(~valid, self.pad_token)
+        if self.training and self.config.token_dropout:
+            hidden = torch.rand(inputs.shape, generator=generator, device=inputs.device) < self.config.token_dropout
+            hidden[:, 0] = False
+            inputs = inputs.masked_fill(hidden, self.pad_token)
+        state: Any = self.net.start(*self._sentences(batch, generator))
+        states = self.net.unroll(state, inputs, free, generator)
+        losses = torch.zeros(valid.shape, device=inputs.device)
+        losses[valid] = F.cross_entropy(
+            self.net.logits(states[valid]), targets[valid], reduction="none", label_smoothing=smoothing
+        )
+        return losses, valid
+
+    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        """Mean over all tokens of the batch, with scheduled teacher forcing, one coin per sequence."""
+        first, last = self.config.teacher_forcing_start, self.config.teacher_forcing_end
+        forcing = first + (last - first) * progress
+        coins = torch.rand(len(batch.tokens), generator=generator, device=batch.tokens.device)
+        free = (coins >= forcing).nonzero()[:, 0]
+        losses, valid = self.nll(batch, free, generator)
+        loss = losses.sum() / valid.sum()
+        return loss, {"token_nll": loss.detach(), "teacher_forcing": torch.tensor(forcing)}
+
+    def validate(self, batch: Any) -> dict[str, Tensor]:
+        """The teacher-forced loss per token."""
+        losses, valid = self.nll(batch)
+        return {"loss": losses.sum() / valid.sum()}
+
+    def _sentences(self, batch: Any, generator: torch.Generator | None) -> tuple[Tensor, Tensor | None, Tensor]:
+        words, tags, count = batch.words, batch.tags, batch.word_count
+        if self.training and self.config.word_dropout:
+            hidden = torch.rand(words.shape, generator=generator, device=words.device) < self.config.word_dropout
+            words = words.masked_fill(hidden & (words > END), UNKNOWN)
+        if self.training and self.config.text_dropout:
+            empty = torch.rand(len(words), generator=generator, device=words.device) < self.config.text_dropout
+            words, tags, count = blank(words, tags, count, empty)
+        return words, tags, count
+
+
+def blank(words: Tensor, tags: Tensor | None, count: Tensor, rows: Tensor) -> tuple[Tensor, Tensor | None, Tensor]:
+    """Replace the sentences of `rows` (B,) bool by the empty one: start and end only."""
+
+    def shorten(values: Tensor) -> Tensor:
+        """Without the steps that no motion of the chunk reaches."""
+        empty = torch.zeros_like(values)
+        empty[:, :1], empty[:, 1:2] = values[:, :1], values.gather(1, count[:, None] - 1)
+        return torch.where(rows[:, None], empty, values)
+
+    return shorten(words), None if tags is None else shorten(tags), torch.where(rows, 2, count)

@@ -1,0 +1,248 @@
+"""Motion tokens: a convolutional autoencoder with a codebook in its middle (TM2T 3.1, Eq. 1-3, Table 3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from motionary.errors import InputError
+from motionary.nn.convolutions import Down, ResBlock, Up, coarser, finer, keep, step_mask
+from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.nn.quantizer import KINDS, Quantizer, usage
+from motionary.nn.reconstruction import distance, feature_weights, position_error
+from motionary.nn.snippets import CONTACTS, UNIT, prepare
+
+
+@dataclass(frozen=True)
+class TokenizerConfig:
+    """Attributes:
+    codes: entries of the codebook (K).
+    code_dim: dimensions of an entry (d).
+    width: channels at a quarter of the frame rate.
+    fine_width: channels at half the frame rate and above; 0 is `width` (Table 3).
+    encoder_blocks: residual blocks after the second convolution (Table 3: 1).
+    decoder_blocks: residual blocks before the first upsampling (Table 3 lists 2, the released code has 3).
+    fine_blocks: residual blocks of the encoder at half the frame rate (Table 3: 1).
+    dilation: the n-th block of a stack is dilated by dilation ** n; 1 is Table 3.
+    quantizer: "gradient" (Eq. 3) or "ema" with restart of dead codes.
+    beta: weight of the commitment term (Eq. 3).
+    decay: of the running means of the "ema" quantizer.
+    dead: an "ema" code chosen less than this share of the mean restarts.
+    warm_start: share of the training before the codebook is drawn from encoder outputs; 0 draws it at once, -1
+        keeps the published random codebook.
+    restart_until: share of the training up to which dead codes restart.
+    freeze_from: share of the training from which encoder and codebook rest and the decoder alone learns; 1 is off.
+    hide_contacts: the encoder does not see the foot contacts, the decoder predicts them.
+    position_weight: extra weight of the local joint positions in the reconstruction; 0 is Eq. 3.
+    square_from: errors beyond this many deviations count by their square (see autoencoder.distance); 0 is Eq. 3.
+    trajectory_weight: weight of the error of the integrated root trajectory, metres; 0 is Eq. 3.
+    """
+
+    codes: int = 512
+    code_dim: int = 128
+    width: int = 384
+    fine_width: int = 192
+    encoder_blocks: int = 2
+    decoder_blocks: int = 3
+    fine_blocks: int = 1
+    dilation: int = 2
+    quantizer: str = "ema"
+    beta: float = 0.25
+    decay: float = 0.99
+    dead: float = 0.1
+    warm_start: float = 0.05
+    restart_until: float = 0.7
+    freeze_from: float = 1.0
+    hide_contacts: bool = True
+    position_weight: float = 1.0
+    square_from: float = 0.0
+    trajectory_weight: float = 0.0
+
+    def __post_init__(self) -> None:
+        rules = {
+            "codes": (self.codes >= 2, "must be at least 2"),
+            "code_dim": (self.code_dim >= 1, "must be at least 1"),
+            "width": (self.width >= 1, "must be at least 1"),
+            "dilation": (self.dilation >= 1, "must be at least 1"),
+            "quantizer": (self.quantizer in KINDS, f"must be one of {', '.join(KINDS)}"),
+            "square_from": (self.square_from >= 0, "must be at least 0"),
+            "decay": (0 <= self.decay < 1, "must be in [0, 1)"),
+        }
+        for key, (holds, rule) in rules.items():
+            if not holds:
+                raise InputError(f"tokenizer.{key}", getattr(self, key), rule)
+
+
+class TokenEncoder(nn.Module):
+    """E of Eq. 2."""
+
+    def __init__(self, config: TokenizerConfig, features: int):
+        super().__init__()
+        fine = config.fine_width or config.width
+        self.first = Down(features, fine)
+        self.fine = _stack(fine, config.fine_blocks, config.dilation)
+        self.second = Down(fine, config.width)
+        self.coarse = _stack(config.width, config.encoder_blocks, config.dilation)
+        self.output = nn.Conv1d(config.width, config.code_dim, 1) if config.code_dim != config.width else nn.Identity()
+
+    def forward(self, x: Tensor, mask: Tensor | None) -> Tensor:
+        """x (B, C, T) normalized, mask -> latents (B, T/4, d)."""
+        half = coarser(mask)
+        quarter = coarser(half)
+        x = self.first(x, half)
+        for block in self.fine:
+            x = block(x, half)
+        x = self.second(x, quarter)
+        for block in self.coarse:
+            x = block(x, quarter)
+        return keep(self.output(x), quarter).transpose(1, 2)
+
+
+class TokenDecoder(nn.Module):
+    """D of Eq. 2."""
+
+    def __init__(self, config: TokenizerConfig, features: int):
+        super().__init__()
+        fine = config.fine_width or config.width
+        self.input = nn.Conv1d(config.code_dim, config.width, 1) if config.code_dim != config.width else nn.Identity()
+        # Widest blocks first: the context of the whole sentence of tokens, then local detail.
+        self.coarse = _stack(config.width, config.decoder_blocks, config.dilation)[::-1]
+        self.first = Up(config.width, fine)
+        self.second = Up(fine, features)
+        self.output = nn.Conv1d(features, features, 3, padding=1)
+
+    def forward(self, entries: Tensor, count: Tensor | None = None) -> Tensor:
+        """codebook entries (B, S, d), count (B,) | None -> normalized features (B, 4S, D)."""
+        x = entries.transpose(1, 2)
+        quarter = step_mask(count, x)
+        half = finer(quarter)
+        full = finer(half)
+        x = keep(self.input(keep(x, quarter)), quarter)
+        for block in self.coarse:
+            x = block(x, quarter)
+        x = self.second(self.first(x, half), full)
+        return keep(self.output(x), full).transpose(1, 2)
+
+
+def _stack(width: int, blocks: int, dilation: int) -> nn.ModuleList:
+    return nn.ModuleList(ResBlock(width, dilation**n) for n in range(blocks))
+
+
+class Tokenizer(nn.Module):
+    """Motion tokens and back (Eq. 2). Features cross its borders raw; foot contacts never reach the encoder."""
+
+    weights: Tensor
+
+    def __init__(self, config: TokenizerConfig, context: Any):
+        super().__init__()
+        if context.unit != UNIT:
+            raise InputError("context.unit", context.unit, f"two halvings make a token of {UNIT} frames")
+        self.config, self.context = config, context
+        self.normalizer = Normalizer(context.mean, context.std)
+        features = len(self.normalizer.mean)
+        self.hidden = CONTACTS if config.hide_contacts else 0
+        self.encoder = TokenEncoder(config, features - self.hidden)
+        self.quantizer = Quantizer(config.codes, config.code_dim, config.quantizer, config.decay, config.dead)
+        self.decoder = TokenDecoder(config, features)
+        self.joints = len(context.skeleton.joints)
+        weights = feature_weights(features, self.joints, config.position_weight)
+        self.register_buffer("weights", weights, persistent=False)
+
+    @torch.no_grad()
+    def encode(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
+        """Raw features (B, T, D), valid frames (B,) -> codes (B, T/4) long; beyond an item's frames they are 0."""
+        latents = self._latents(raw, frames)
+        codes = self.quantizer.nearest(latents)
+        if frames is None:
+            return codes
+        return codes * length_mask(frames // UNIT, codes.shape[1])
+
+    def decode(self, codes: Tensor, count: Tensor | None = None) -> Tensor:
+        """Codes (B, S), valid codes (B,) -> raw features (B, 4S, D); beyond an item's codes the mean pose."""
+        return self.normalizer.inverse(self.decoder(self.quantizer.look_up(codes), count))
+
+    @torch.no_grad()
+    def token_contexts(self) -> Tensor:
+        """Every code decoded alone: raw segments (K, 4, D), the local contexts of Fig. 3 and 9."""
+        return self.decode(torch.arange(self.quantizer.count, device=self.normalizer.mean.device)[:, None])
+
+    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        """Eq. 3 as means over valid frames and features, with the config's extra terms."""
+        config = self.config
+        warm = self.training and progress < config.warm_start
+        if self.training and not warm and config.warm_start >= 0 and not bool(self.quantizer.started):
+            with torch.no_grad():
+                latents = self._latents(batch.motion, batch.frames)
+                valid = length_mask(batch.frames // UNIT, latents.shape[1])
+                self.quantizer.start(latents[valid], generator)
+        frozen = self.training and progress >= config.freeze_from
+        total, terms, _ = self._loss(batch, warm, frozen)
+        return total, terms
+
+    @torch.no_grad()
+    def validate(self, batch: Any) -> dict[str, Tensor]:
+        """The loss, its terms and the error of the local joint positions in millimetres."""
+        total, terms, output = self._loss(batch, False, False)
+        decoded = self.normalizer.inverse(output)
+        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, self.joints)
+        return {**terms, "loss": total, "position_mm": error}
+
+    def after_step(self, step: int, progress: float, generator: torch.Generator) -> None:
+        """Restart dead codes."""
+        if progress < self.config.restart_until:
+            self.quantizer.restart(generator)
+
+    def _latents(self, raw: Tensor, frames: Tensor | None) -> Tensor:
+        x, mask = prepare(self.normalizer(raw), frames)
+        return self.encoder(x[:, : x.shape[1] - self.hidden], mask)
+
+    def _loss(self, batch: Any, warm: bool, frozen: bool) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+        config = self.config
+        count = batch.frames // UNIT
+        with torch.set_grad_enabled(torch.is_grad_enabled() and not frozen):
+            latents = self._latents(batch.motion, batch.frames)
+        valid = length_mask(count, latents.shape[1])
+        terms: dict[str, Tensor] = {}
+        if warm:
+            entries, embedding, commitment = latents, latents.new_zeros(()), latents.new_zeros(())
+        elif frozen:
+            codes = self.quantizer.nearest(latents)
+            entries = self.quantizer.look_up(codes).detach()
+            embedding = commitment = latents.new_zeros(())
+        else:
+            entries, codes, embedding, commitment = self.quantizer(latents, valid)
+        if not warm:
+            terms["usage"], terms["perplexity"] = usage(codes[valid], config.codes)
+        output = self.decoder(entries, count)
+        target = self.normalizer(batch.motion[:, : output.shape[1]])
+        mask = length_mask(count * UNIT, output.shape[1])
+        terms["reconstruction"] = masked_mean(distance(output - target, config.square_from) * self.weights, mask)
+        terms["commitment"] = commitment
+        total = terms["reconstruction"] + embedding + config.beta * commitment
+        if config.trajectory_weight:
+            terms["trajectory"] = self._trajectory(output, batch.motion[:, : output.shape[1]], mask)
+            total = total + config.trajectory_weight * terms["trajectory"]
+        return total, {name: value.detach() for name, value in terms.items()}, output
+
+    def _trajectory(self, output: Tensor, raw: Tensor, mask: Tensor) -> Tensor:
+        """Mean distance on the ground between decoded and true roots, integrated from the first frame, in metres."""
+        decoded = self.normalizer.inverse(output)
+        difference = root_path(decoded) - root_path(raw)
+        return masked_mean((difference.square().sum(-1) + 1e-8).sqrt(), mask)
+
+
+def root_path(raw: Tensor) -> Tensor:
+    """Root features (B, T, D) -> ground positions (B, T, 2) in metres: the codec's integration, differentiable.
+
+    Frame t stands where the velocities of the frames before it lead, each turned by the heading of the frame it
+    leads to (as in the released recovery of positions).
+    """
+    previous = F.pad(raw[:, :-1], (0, 0, 1, 0))
+    half = previous[..., 0].cumsum(1)  # the codec's root angle: half of the heading
+    x, z = previous[..., 1], previous[..., 2]
+    cos, sin = torch.cos(2 * half), torch.sin(2 * half)
+    return torch.stack((cos * x - sin * z, sin * x + cos * z), -1).cumsum(1)

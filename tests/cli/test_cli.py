@@ -1,0 +1,233 @@
+"""The commands: on real files, as a user types them; bad input in one line."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shell import call
+
+from motionary import read_motion
+from motionary.cli.arguments import build_parser
+from motionary.cli.commands import COMMANDS
+from motionary.corpus.demo import demo_clip
+
+
+def shell(*arguments: str, text: str = "") -> subprocess.CompletedProcess:
+    """The command as its own process."""
+    line = [sys.executable, "-m", "motionary.cli", *arguments]
+    return subprocess.run(line, input=text, capture_output=True, text=True, timeout=600)
+
+
+@pytest.fixture
+def clip(tmp_path) -> Path:
+    """A BVH of the demo corpus."""
+    path = tmp_path / "given.bvh"
+    demo_clip(3)[0].save(path)
+    return path
+
+
+@pytest.fixture
+def models(pipeline) -> list[str]:
+    return ["--models", str(pipeline / "models"), "--device", "cpu"]
+
+
+def test_prompts_from_standard_input_become_files(tmp_path, models):
+    prompts = "a person walks forward\n\na person waves\n"
+    out = ["--out", str(tmp_path / "new/out"), "--format", "npz,bvh", "--json", "--seconds", "2", *models]
+    run = shell("generate", "-n", "2", "--seed", "4", *out, text=prompts)
+    assert run.returncode == 0, run.stderr
+    rows = json.loads(run.stdout)
+    assert [(row["text"], row["variant"]) for row in rows] == [
+        (text, k) for text in ("a person walks forward", "a person waves") for k in (0, 1)
+    ]
+    names = [Path(file).name for row in rows for file in row["files"]]
+    assert names[:2] == ["0-a-person-walks-forward-0.npz", "0-a-person-walks-forward-0.bvh"]
+    for row in rows:
+        first, second = (read_motion(file) for file in row["files"])
+        assert first.frames == second.frames == 40
+        assert np.abs(first.positions - second.positions).max() < 0.2
+
+
+def test_seeds_repeat_and_names_are_plain(tmp_path, models, capsys):
+    motions = []
+    for folder, seed in (("a", "1"), ("b", "1"), ("c", "2")):
+        out = str(tmp_path / folder)
+        code, lines, _ = call(capsys, "generate", "Jump!", "--seed", seed, "--out", out, "--format", "npy", *models)
+        assert (code, lines) == (0, f"{out}/jump.npy\n")
+        motions.append(read_motion(lines.strip()))
+    assert np.array_equal(motions[0].positions, motions[1].positions)
+    assert motions[0].frames != motions[2].frames or not np.allclose(motions[0].positions, motions[2].positions)
+
+
+def test_prompts_from_a_file(tmp_path, models, capsys, monkeypatch):
+    (tmp_path / "prompts.txt").write_text("walk\njump\n")
+    arguments = ("--out", str(tmp_path), "--format", "npy", *models)
+    code, out, _ = call(capsys, "generate", "--file", str(tmp_path / "prompts.txt"), *arguments)
+    assert code == 0
+    assert [Path(line).name for line in out.splitlines()] == ["0-walk.npy", "1-jump.npy"]
+    monkeypatch.setattr(sys, "stdin", io.StringIO("kick\n"))
+    code, out, _ = call(capsys, "generate", "-", *arguments)
+    assert Path(out.strip()).name == "kick.npy"
+
+
+def test_existing_files_are_kept_unless_forced(tmp_path, models, capsys):
+    kept = tmp_path / "jump.npy"
+    kept.write_text("precious")
+    arguments = ("generate", "jump", "--format", "npz,npy", "--out", str(tmp_path), *models)
+    code, out, err = call(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert "--force" in err
+    assert kept.read_text() == "precious"
+    assert not (tmp_path / "jump.npz").exists()
+    assert call(capsys, *arguments, "--force")[0] == 0
+    assert read_motion(kept).frames
+
+
+def test_caption_says_a_line_for_each(clip, models, capsys):
+    code, out, _ = call(capsys, "caption", str(clip), "-n", "2", *models)
+    assert (code, len(out.splitlines())) == (0, 2)
+    code, several, _ = call(capsys, "caption", str(clip), str(clip), "--json", "--end", "3", *models)
+    rows = json.loads(several)
+    assert [row["file"] for row in rows] == [str(clip)] * 2
+    assert rows[0]["captions"] == rows[1]["captions"]
+
+
+def test_search_lists_windows(models, capsys):
+    code, out, _ = call(capsys, "search", "a person walks", "-k", "3", *models)
+    assert code == 0
+    distances = [float(line.split("\t")[0]) for line in out.splitlines()]
+    assert len(distances) == 3
+    assert distances == sorted(distances)
+    rows = json.loads(call(capsys, "search", "a person walks", "-k", "3", "--json", *models)[1])
+    assert rows[0]["matches"][0]["captions"]
+
+
+def test_convert_cuts_and_resamples(clip, tmp_path, capsys):
+    target = tmp_path / "new/out.npz"
+    arguments = ("convert", str(clip), str(target), "--fps", "30", "--start", "0.5")
+    assert call(capsys, *arguments) == (0, f"{target}\n", "")
+    before, after = read_motion(clip), read_motion(target)
+    assert after.fps == 30
+    assert after.duration == pytest.approx(before.duration - 0.5, abs=0.06)
+    np.testing.assert_allclose(after.positions[0], before.positions[10], atol=1e-3)
+
+
+def test_a_mapping_makes_an_unknown_rig_known(clip, tmp_path, models, capsys):
+    """The same clip with joints that are numbered, and the file that says which is which."""
+    text, mapping = clip.read_text(), {}
+    for number, role in enumerate(read_motion(clip).skeleton.joints):
+        text = re.sub(rf"(ROOT|JOINT) {role}\n", rf"\1 bone{number}\n", text)
+        mapping[role] = f"bone{number}"
+    numbered, told = tmp_path / "numbered.bvh", tmp_path / "rig.json"
+    numbered.write_text(text)
+    told.write_text(json.dumps(mapping))
+    code, _, err = call(capsys, "caption", str(numbered), *models)
+    assert code == 2
+    assert "roles of no known joint" in err
+    assert "--mapping" in err
+    known = call(capsys, "caption", str(clip), *models)
+    assert call(capsys, "caption", str(numbered), "--mapping", str(told), *models) == known
+    target = tmp_path / "out.npz"
+    line = ("convert", str(numbered), str(target), "--skeleton", "smpl22", "--mapping", str(told))
+    assert call(capsys, *line)[0] == 0
+    assert read_motion(target).skeleton.roles.keys() == mapping.keys()
+    told.write_text(json.dumps(mapping | {"head": "bone99"}))
+    code, _, err = call(capsys, *line, "--force")
+    assert (code, err) == (2, f"error: {told}: bone99: no joint of this name in the skeleton\n")
+
+
+@pytest.mark.real
+def test_real_bvh_becomes_glb_and_words(shared_data, tmp_path, models, capsys):
+    source = sorted((shared_data / "bvh").rglob("*.bvh"))[0]
+    target = tmp_path / "out.glb"
+    assert call(capsys, "convert", str(source), str(target), "--end", "2")[:2] == (0, f"{target}\n")
+    assert target.read_bytes()[:4] == b"glTF"
+    assert call(capsys, "convert", str(source), str(tmp_path / "on.npy"), "--skeleton", "smpl22")[0] == 0
+    assert read_motion(tmp_path / "on.npy").positions.shape[1] == 22
+    assert call(capsys, "caption", str(source), *models)[0] == 0
+
+
+def test_view_writes_a_page(clip, tmp_path, capsys, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    code, out, _ = call(capsys, "view", str(clip))
+    page = Path(out.strip())
+    assert code == 0
+    assert page.read_text().lower().startswith("<!doctype html>")
+    assert opened == [page.as_uri()]
+    target = str(tmp_path / "p.html")
+    assert call(capsys, "view", str(clip), str(clip), "--out", target, "--no-open")[:2] == (0, f"{target}\n")
+    assert len(opened) == 1
+    assert call(capsys, "view", str(clip), "--out", target, "--no-open")[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["generate", "walk", "--models", "nowhere"], "nowhere: missing"),
+        (["generate", "walk", "--format", "fbx"], "format: fbx"),
+        (["generate", "w" * 10_000], "at most 1000 characters"),
+        (["generate", "   "], "must not be empty"),
+        (["generate", "walk", "--file", "x"], "not both"),
+        (["generate", "--file", "nowhere.txt"], "nowhere.txt"),
+        (["generate", "walk", "-n", "0"], "-n: 0: must be at least 1"),
+        (["generate", "walk", "-n", "x"], "invalid whole number"),
+        (["generate", "walk", "--out", "/proc/nothing"], "/proc/nothing"),
+        (["caption", "nowhere.bvh"], "nowhere.bvh: missing"),
+        (["caption", "CLIP", "--start", "5", "--end", "2"], "--start, --end"),
+        (["convert", "CLIP", "out.fbx"], "format: fbx"),
+        (["convert", "CLIP", "out"], "format: none"),
+        (["convert", "CLIP", "BROKEN"], "format: txt"),
+        (["convert", "BROKEN", "out.npz"], ".txt"),
+        (["convert", "CLIP", "CLIP"], "--force"),
+        (["convert", "CLIP", "new.npz", "--fps", "-3"], "fps: -3"),
+        (["convert", "CLIP", "new.npz", "--skeleton", "octopus"], "octopus"),
+        (["view", "CLIP", "--out", "page.txt"], "must end in .html"),
+        (["dance"], "invalid choice: 'dance'"),
+        ([], "required"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(arguments, message, clip, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    broken = tmp_path / "broken.txt"
+    broken.write_text("HIERARCHY")
+    names = {"CLIP": str(clip), "BROKEN": str(broken)}
+    before = sorted(tmp_path.iterdir())
+    code, out, err = call(capsys, *[names.get(a, a) for a in arguments])
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert message in err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_truncated_file_is_one_line_of_a_process(clip, tmp_path):
+    half = tmp_path / "half.bvh"
+    half.write_text(clip.read_text()[:3000])
+    run = shell("convert", str(half), str(tmp_path / "out.glb"))
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.count("\n") == 1
+    assert "half.bvh" in run.stderr
+
+
+def test_help_shows_examples_that_parse(capsys):
+    """Every example is read by the very parser that shows it."""
+    import shlex
+
+    parser = build_parser(COMMANDS)
+    for command in COMMANDS:
+        code, out, _ = call(capsys, command, "--help")
+        assert code == 0
+        examples = [line.split(" | ")[-1].strip() for line in out.split("examples:\n")[1].splitlines() if line.strip()]
+        assert examples
+        for example in examples:
+            words = shlex.split(example)
+            assert words[0] == "motionary"
+            assert parser.parse_args(words[1:]).run is COMMANDS[words[1]]

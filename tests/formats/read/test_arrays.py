@@ -1,0 +1,206 @@
+"""npy and npz: exact round trips, what is refused, and that nothing is ever unpickled."""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+
+import numpy as np
+import pytest
+
+from motionary.errors import InputError
+from motionary.formats import read_motion, write_motion
+from motionary.motion import Motion, Skeleton, fit_rotations, foot_contacts
+
+
+@pytest.fixture
+def motion() -> Motion:
+    skeleton = Skeleton.named("smpl22")
+    rest = np.zeros((22, 3), np.float32)
+    for j, p in enumerate(skeleton.parents[1:], 1):
+        rest[j] = rest[p] + skeleton.offsets[j]
+    drift = np.random.default_rng(0).normal(0, 0.01, (30, 1, 3)).cumsum(0)
+    return Motion(rest + drift + [0, 0.9, 0], 25.0, skeleton)
+
+
+def test_npz_keeps_everything(tmp_path, motion):
+    motion = fit_rotations(motion)
+    motion.save(tmp_path / "a.npz")
+    again = read_motion(tmp_path / "a.npz")
+    np.testing.assert_array_equal(again.positions, motion.positions)
+    np.testing.assert_array_equal(again.rotations, motion.rotations)
+    assert again.fps == 25
+    assert again.skeleton == motion.skeleton
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as data:
+        np.testing.assert_array_equal(data["contacts"], foot_contacts(motion))
+
+
+@pytest.mark.real
+def test_npz_keeps_the_skeleton_of_a_bvh(shared_data, tmp_path):
+    motion = read_motion(shared_data / "bvh" / "motions" / "cc_02_01.bvh")
+    motion.save(tmp_path / "a.npz")
+    again = read_motion(tmp_path / "a.npz")
+    assert again.skeleton == motion.skeleton
+    np.testing.assert_array_equal(again.rotations, motion.rotations)
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize(("joints", "name"), [(22, "smpl22"), (21, "kit21")])
+def test_npy_of_known_layouts(tmp_path, kind, joints, name):
+    positions = np.random.default_rng(0).normal(size=(7, joints, 3)).astype(kind)
+    np.save(tmp_path / "a.npy", positions)
+    motion = read_motion(tmp_path / "a.npy")
+    assert motion.skeleton == Skeleton.named(name)
+    assert motion.fps == 20
+    assert motion.positions.dtype == np.float32
+    np.testing.assert_array_equal(motion.positions, positions.astype(np.float32))
+    motion.save(tmp_path / "b.npy")
+    np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), motion.positions)
+    assert read_motion(tmp_path / "b.npy", fps=30).fps == 30
+
+
+@pytest.mark.real
+def test_released_sample(shared_data):
+    folder = shared_data / "humanml3d_sample"
+    assert read_motion(folder / "new_joints" / "012314.npy").skeleton.name == "smpl22"
+    with pytest.raises(InputError, match="feature vectors"):
+        read_motion(folder / "new_joint_vecs" / "012314.npy")
+
+
+def test_another_skeleton_must_be_given(tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((4, 3, 3)))
+    with pytest.raises(InputError, match="3 joints"):
+        read_motion(tmp_path / "a.npy")
+    skeleton = Skeleton.from_rig("three", ["a", "b", "c"], [-1, 0, 1], np.zeros((3, 3)))
+    assert read_motion(tmp_path / "a.npy", skeleton=skeleton).skeleton == skeleton
+    with pytest.raises(InputError, match=r"a\.npy, positions"):
+        read_motion(tmp_path / "a.npy", skeleton=Skeleton.named("smpl22"))
+
+
+class Evil:
+    """Unpickling this would make a folder."""
+
+    def __reduce__(self):
+        return os.mkdir, ("unpickled",)
+
+
+def test_nothing_is_unpickled(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("a.npy", np.array([Evil()], object), allow_pickle=True)
+    np.savez("a.npz", positions=np.array([Evil()], object))
+    for name in ("a.npy", "a.npz"):
+        with pytest.raises(InputError, match="pickled objects"):
+            read_motion(name)
+    assert not os.path.exists("unpickled")
+
+
+def broken(tmp_path, kind):
+    good = np.zeros((5, 22, 3), np.float32)
+    path = tmp_path / ("a.npz" if kind.startswith("npz") else "a.npy")
+    buffer = io.BytesIO()
+    np.savez(buffer, positions=good, fps=20.0)
+    whole = buffer.getvalue()
+    arrays = {
+        "npy nan": np.full((5, 22, 3), np.nan),
+        "npy inf": np.full((5, 22, 3), np.inf),
+        "npy empty": np.zeros((0, 22, 3)),
+        "npy wide": np.zeros((5, 22, 4)),
+        "npy flat": np.zeros(66),
+        "npy words": np.full((5, 22, 3), "x"),
+    }
+    fields = {
+        "npz other keys": {"poses": good},
+        "npz fps word": {"positions": good, "fps": np.array("fast")},
+        "npz fps zero": {"positions": good, "fps": 0.0},
+        "npz skeleton text": {"positions": good, "skeleton": np.array("not json")},
+        "npz skeleton list": {"positions": good, "skeleton": np.array("[1]")},
+        "npz rotations": {"positions": good, "rotations": np.zeros((5, 22, 4))},
+    }
+    if kind in arrays:
+        np.save(path, arrays[kind])
+    elif kind in fields:
+        np.savez(path, **fields[kind])
+    elif kind == "npz truncated":
+        path.write_bytes(whole[: len(whole) // 2])
+    elif kind == "npz damaged":
+        path.write_bytes(whole.replace(b"\0\0\0\0\0\0\0\0", b"\1\0\0\0\0\0\0\0", 300))
+    elif kind == "npz text":
+        path.write_text("hello")
+    elif kind == "npy truncated":
+        np.save(path, good)
+        path.write_bytes(path.read_bytes()[:-40])
+    elif kind == "npy text":
+        path.write_text("hello")
+    elif kind == "npy nothing":
+        path.write_bytes(b"")
+    return path
+
+
+KINDS = ["npy nan", "npy inf", "npy empty", "npy wide", "npy flat", "npy words", "npy truncated", "npy text"]
+KINDS += ["npy nothing", "npz other keys", "npz fps word", "npz fps zero", "npz skeleton text", "npz skeleton list"]
+KINDS += ["npz rotations", "npz truncated", "npz damaged", "npz text"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_broken_files_are_named(tmp_path, kind):
+    with pytest.raises(InputError, match=r"a\.np[yz]") as caught:
+        read_motion(broken(tmp_path, kind))
+    assert "\n" not in str(caught.value)
+
+
+def test_too_large_when_unpacked(tmp_path, monkeypatch):
+    from motionary.formats.read import arrays
+
+    monkeypatch.setattr(arrays, "_MOST_BYTES", 1000)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("positions.npy", b"\0" * 5000)
+    with pytest.raises(InputError, match="2 GB"):
+        read_motion(tmp_path / "a.npz")
+
+
+def test_paths(tmp_path, motion):
+    for path, rule in ((tmp_path / "a.fbx", "fbx"), (tmp_path / "a", "extension"), (tmp_path / "no.bvh", "exist")):
+        with pytest.raises(InputError, match=rule):
+            read_motion(path)
+    (tmp_path / "folder.npz").mkdir()
+    with pytest.raises(InputError, match="folder"):
+        read_motion(tmp_path / "folder.npz")
+    for path in (tmp_path / "folder.npz", tmp_path / "a.fbx"):
+        with pytest.raises(InputError):
+            motion.save(path)
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="folder"):
+        motion.save(tmp_path / "file" / "a.npz")
+
+
+@pytest.mark.parametrize("extension", ["npy", "npz", "bvh"])
+def test_an_existing_file_stays_without_force(tmp_path, motion, extension):
+    path = tmp_path / f"a.{extension}"
+    path.write_text("precious")
+    with pytest.raises(InputError, match="force"):
+        write_motion(motion, path, force=False)
+    assert path.read_text() == "precious"
+    write_motion(motion, path)
+    assert read_motion(path).frames == motion.frames
+
+
+def test_a_failed_write_leaves_nothing(tmp_path, motion, monkeypatch):
+    from motionary.formats.read import arrays
+
+    path = tmp_path / "a.npz"
+    path.write_text("precious")
+    monkeypatch.setattr(arrays.np, "savez_compressed", lambda *a, **k: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        motion.save(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+    assert path.read_text() == "precious"
+
+
+def test_unknown_options_are_named(tmp_path, motion):
+    motion.save(tmp_path / "a.npy", fps=None)
+    assert read_motion(tmp_path / "a.npy", fps=None, skeleton=None).fps == 20
+    with pytest.raises(InputError, match="captions"):
+        motion.save(tmp_path / "a.npy", captions="x")
+    with pytest.raises(InputError, match="speed"):
+        read_motion(tmp_path / "a.npy", speed=2)

@@ -1,0 +1,160 @@
+"""Pictures show what is there: limbs where they project, colours by side, captions, panels; files that decode."""
+
+from __future__ import annotations
+
+import subprocess
+
+import numpy as np
+import pytest
+from imageio_ffmpeg import get_ffmpeg_exe, read_frames
+
+from motionary.errors import InputError
+from motionary.formats.render.figure import COLORS, limbs, segments
+from motionary.formats.render.scene import Scene
+from motionary.formats.render.video import render_frame, render_strip, write_video
+from motionary.motion import Motion, Skeleton
+
+
+def decode(path) -> tuple[dict, np.ndarray]:
+    reader = read_frames(str(path))
+    meta = next(reader)
+    width, height = meta["size"]
+    return meta, np.stack([np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader])
+
+
+def hues(picture: np.ndarray) -> np.ndarray:
+    """For each pixel the side whose colour it has (0, 1, 2), or -1."""
+    color = picture.astype(float)
+    strong = np.ptp(color, axis=-1) > 70
+    return np.where(
+        strong & (color[..., 0] > color[..., 2]), 0, np.where(strong & (color[..., 2] > color[..., 0]), 2, -1)
+    )
+
+
+def test_limbs_stand_where_they_project(person):
+    scene = Scene(person, 320, 320, azimuth=0.0)
+    picture = scene.draw(0.0)
+    begins, ends, _, sides = segments(person.skeleton, person.positions[0].astype(float) - scene.down)
+    middle, _ = scene.camera.project((begins + ends) / 2, scene.target[0])
+    empty = scene.ground
+    changed = np.abs(picture - empty.draw(scene.target[0])).max(-1) > 12
+    x, y = np.floor(middle).astype(int).T
+    assert changed[y, x].all()
+    found = hues(picture)
+    for limb, side in enumerate(sides):
+        if side != 1 and limbs(person.skeleton)[limb].reach == 0:
+            assert found[y[limb], x[limb]] in (side, -1)
+    # Seen from the front, the figure's left side is at the right of the picture.
+    assert np.nonzero(found == 0)[1].mean() > np.nonzero(found == 2)[1].mean() + 10
+
+
+def test_camera_follows_and_keeps_the_figure_in_the_picture(make_walker):
+    motion = make_walker(frames=60)
+    far = Motion(motion.positions + np.linspace(0, 30, 60)[:, None, None] * np.array([1, 0, 0]), 20, motion.skeleton)
+    scene = Scene(far, 200, 200)
+    for frame in range(0, 60, 10):
+        points, scale = scene.camera.project(
+            np.concatenate([scene.begins[frame], scene.ends[frame]]), scene.target[frame]
+        )
+        assert (scale > 0).all()
+        assert points.min() > 0
+        assert points.max() < 200
+
+
+def test_between_frames_is_interpolated(person):
+    scene = Scene(person, 96, 96)
+    a, between, b = (scene.draw(t) for t in (0.1, 0.125, 0.15))
+    assert np.abs(a - b).max() > 5
+    assert np.abs(a - between).max() > 1
+    np.testing.assert_array_equal(scene.draw(99.0), scene.draw((person.frames - 1) / 20))
+    np.testing.assert_array_equal(scene.draw(-1.0), scene.draw(0.0))
+
+
+def test_picture_values_stay_in_range(person):
+    picture = Scene(person, 128, 128).draw(0.4)
+    assert picture.min() >= 0
+    assert picture.max() <= 255
+
+
+def test_mp4_decodes_with_the_right_size_and_time(person, tmp_path):
+    write_video([person, person], tmp_path / "a.mp4", ["walks", "a person walks"], width=101, height=100, fps=24)
+    meta, frames = decode(tmp_path / "a.mp4")
+    assert meta["codec"] == "h264"
+    assert meta["fps"] == 24
+    assert len(frames) == 24
+    assert frames.shape[2] == 202
+    assert frames.shape[1] % 2 == 0
+    expected = render_frame([person, person], 0.5, ["walks", "a person walks"], width=101, height=100)
+    assert np.abs(frames[12].astype(float) - expected[: frames.shape[1]]).mean() < 6
+
+
+def test_gif_decodes(person, tmp_path):
+    person.save(tmp_path / "a.gif", width=96, height=96)
+    head = (tmp_path / "a.gif").read_bytes()[:6]
+    assert head == b"GIF89a"
+    command = [
+        get_ffmpeg_exe(),
+        "-v",
+        "error",
+        "-i",
+        str(tmp_path / "a.gif"),
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-",
+    ]
+    data = subprocess.run(command, check=True, capture_output=True).stdout
+    frames = np.frombuffer(data, np.uint8).reshape(-1, 96, 96, 3)
+    assert len(frames) >= person.frames - 1
+    assert (hues(frames[5]) == 0).sum() > 20
+
+
+def test_strip_has_a_cell_per_pose(person, tmp_path):
+    picture = render_strip([person, person], tmp_path / "a.png", poses=5, width=60, height=100)
+    assert picture.shape == (200, 300, 3)
+    for column in range(5):
+        assert (hues(picture[:100, column * 60 : column * 60 + 60]) >= 0).sum() > 30
+    from PIL import Image
+
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), picture)
+
+
+def test_caption_is_written_below(person):
+    plain, labelled = render_frame(person, width=200, height=200), render_frame(person, 0, "waves", 200, 200)
+    assert labelled.shape[0] > 200
+    np.testing.assert_array_equal(labelled[:200], plain)
+    assert labelled[200:].min() < 120
+    long = render_frame(person, 0, "word " * 2000, 200, 200)
+    assert long.shape[0] < 320
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("name", ["cc_02_01", "daz_train_data_bvh_standard", "bandai_dataset-2_walk_active_003"])
+def test_helpers_and_fingers_are_left_out(shared_data, name):
+    from motionary.formats import read_motion
+
+    motion = read_motion(shared_data / "bvh" / "motions" / f"{name}.bvh")
+    assert 20 <= len(limbs(motion.skeleton)) <= 28
+    assert (hues(render_frame(motion, width=160, height=160)) >= 0).sum() > 200
+
+
+def test_unknown_rigs_and_lone_frames_are_drawn():
+    skeleton = Skeleton.from_rig("snake", ["a", "b", "c"], [-1, 0, 1], np.array([[0, 0, 0], [0, 0.5, 0], [0, 0.5, 0]]))
+    motion = Motion(np.array([[[0, 0, 0], [0, 0.5, 0], [0.2, 0.9, 0]]]), 20, skeleton)
+    assert np.ptp(render_frame(motion, width=64, height=64)[..., 0]) > 60
+    assert len(COLORS) == 3
+
+
+def test_bad_input(person, tmp_path):
+    for options in ({"captions": ["a", "b"]}, {"fps": 0}, {"width": 3}, {"height": 10**6}):
+        with pytest.raises(InputError):
+            write_video(person, tmp_path / "a.mp4", **options)
+    with pytest.raises(InputError, match="at least one"):
+        write_video([], tmp_path / "a.mp4")
+    with pytest.raises(InputError, match="png"):
+        render_strip(person, tmp_path / "a.jpg")
+    (tmp_path / "b.mp4").write_text("precious")
+    with pytest.raises(InputError, match="force"):
+        person.save(tmp_path / "b.mp4", force=False)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["b.mp4"]

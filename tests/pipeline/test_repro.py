@@ -1,0 +1,166 @@
+"""`make repro`: independent stages side by side, with what DVC alone would do."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+
+from motionary.pipeline.repro import main, outdated, schedule
+
+STAGE = """
+import pathlib, sys, time
+name, *inputs = sys.argv[1:]
+log = open("log", "a", buffering=1)
+log.write(f"start {name}\\n")
+try:
+    time.sleep(float(pathlib.Path("seconds").read_text()))
+except KeyboardInterrupt:
+    log.write(f"stopped {name}\\n")
+    raise
+text = name + "".join(pathlib.Path(path).read_text() for path in inputs)
+assert "x" not in text, "bad source"
+pathlib.Path(name).write_text(text)
+log.write(f"end {name}\\n")
+"""
+
+
+class Ends:
+    """A process that ends with `code` at the `after`-th look."""
+
+    def __init__(self, after, code=0):
+        self.after, self.code = after, code
+
+    def poll(self):
+        self.after -= 1
+        return self.code if self.after < 0 else None
+
+
+def run(needs, jobs, lasts=None, codes=None):
+    """The events of a schedule whose processes last as many looks as `lasts` says."""
+    events = []
+
+    def start(stage, slot, alone):
+        events.append((stage, slot, alone))
+        return Ends((lasts or {}).get(stage, 0), (codes or {}).get(stage, 0))
+
+    failed = schedule(needs, start, jobs, wait=lambda: None)
+    return events, failed
+
+
+DIAMOND = {"a": set(), "b": {"a"}, "c": {"a"}, "d": {"a", "b", "c"}}
+
+
+def test_one_at_a_time_is_an_order_of_the_graph():
+    events, failed = run(DIAMOND, jobs=1)
+    assert [stage for stage, _, _ in events] == ["a", "b", "c", "d"]
+    assert not failed
+
+
+def test_independent_stages_run_together_and_know_when_they_are_alone():
+    events, _ = run(DIAMOND, jobs=2, lasts={"b": 5, "c": 2})
+    assert events == [("a", 0, True), ("b", 0, False), ("c", 1, False), ("d", 0, True)]
+
+
+def test_what_holds_up_most_goes_first_and_a_freed_slot_is_used():
+    needs = {"leaf": set(), "trunk": set(), "other": set(), "late": {"trunk"}}
+    events, _ = run(needs, jobs=2, lasts={"trunk": 1, "leaf": 9, "other": 1, "late": 1})
+    assert events == [("trunk", 0, False), ("leaf", 1, False), ("late", 0, False), ("other", 0, False)]
+
+
+def test_after_a_failure_nothing_new_starts_and_what_runs_may_end():
+    events, failed = run(DIAMOND, jobs=2, lasts={"c": 9}, codes={"b": 1})
+    assert failed == ["b"]
+    assert [stage for stage, _, _ in events] == ["a", "b", "c"]
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A DVC project of four stages; each adds a line to `log` when it starts and when it ends."""
+    (tmp_path / "stage.py").write_text(STAGE)
+    (tmp_path / "source").write_text("s")
+    (tmp_path / "seconds").write_text("1.5")
+    needs = {"a": ["source"], "b": ["a"], "c": ["a"], "d": ["b", "c"]}
+    stages = {
+        name: {"cmd": f"{sys.executable} stage.py {name} {' '.join(deps)}", "deps": deps, "outs": [name]}
+        for name, deps in needs.items()
+    }
+    (tmp_path / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}))
+    subprocess.run([sys.executable, "-m", "dvc", "init", "--no-scm", "-q"], cwd=tmp_path, check=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def log(project):
+    file = project / "log"
+    return file.read_text().splitlines() if file.exists() else []
+
+
+def test_a_project_is_brought_up_to_date_side_by_side(project, capfd):
+    assert main(["--jobs", "2"]) == 0
+    assert (project / "d").read_text() == "dbascas"
+    middle = log(project)[2:6]
+    assert sorted(middle[:2]) == ["start b", "start c"]  # both before either ended
+    (project / "log").unlink()
+    assert main(["--jobs", "2"]) == 0
+    assert not log(project)
+    assert "up to date" in capfd.readouterr().out
+    status = subprocess.run([sys.executable, "-m", "dvc", "status", "--json"], capture_output=True, check=True)
+    assert status.stdout.strip() == b"{}"  # DVC agrees
+
+
+def test_only_what_changed_runs_again(project):
+    assert main(["--jobs", "2"]) == 0
+    (project / "log").unlink()
+    (project / "b").unlink()
+    assert outdated(project) == {"b": set(), "d": {"b"}}
+    assert main([]) == 0
+    assert not log(project)  # the cache still has it
+
+
+def test_a_failed_stage_ends_the_run_and_the_next_goes_on(project, capfd):
+    (project / "source").write_text("x")
+    assert main(["--jobs", "2"]) == 1
+    assert "error: a failed" in capfd.readouterr().err
+    assert log(project) == ["start a"]
+    (project / "source").write_text("s")
+    assert main(["--jobs", "2"]) == 0
+    assert (project / "d").exists()
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_stopped_run_leaves_no_process_behind(project, sent, code):
+    (project / "seconds").write_text("600")
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    # As a shell starts what it runs in the background.
+    ignoring = (
+        "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); os.execv(sys.argv[1], sys.argv[1:])"
+    )
+    command = [sys.executable, "-c", ignoring, sys.executable, "-m", "motionary.pipeline.repro"]
+    process = subprocess.Popen(command, env=environment)
+    deadline = time.monotonic() + 300
+    while log(project) != ["start a"]:
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.2)
+    process.send_signal(sent)
+    assert process.wait(timeout=300) == code
+    assert log(project) == ["start a", "stopped a"]
+    assert not (project / "a").exists()
+
+
+def test_a_pipeline_that_dvc_cannot_read_is_one_line(project, capsys):
+    (project / "dvc.yaml").write_text("stages: {a: {cmd: x, nonsense: 1}}\n")
+    assert main([]) == 2
+    assert "dvc.yaml' validation failed" in capsys.readouterr().err
+
+
+def test_bad_arguments(project, capsys, monkeypatch, tmp_path_factory):
+    assert main(["--jobs", "0"]) == 2
+    assert "error: --jobs: 0: must be at least 1" in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path_factory.mktemp("empty"))
+    assert main([]) == 2
+    assert "dvc.yaml" in capsys.readouterr().err

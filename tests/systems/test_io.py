@@ -1,0 +1,91 @@
+"""Models on disk."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+
+from motionary.errors import InputError
+from motionary.nn.layers import seeded
+from motionary.systems.io import Trained, load_model, model_hash, read_record, save_model
+from motionary.systems.judges.evaluator import Evaluator, EvaluatorConfig
+from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
+
+SMALL = TokenizerConfig(codes=8, code_dim=4, width=8, fine_width=8)
+
+
+@pytest.fixture
+def saved(tmp_path, context):
+    with seeded(1):
+        model = Tokenizer(SMALL, context).eval()
+    save_model(tmp_path / "models" / "tokenizer", "tokenizer", model, context)
+    return model, tmp_path / "models"
+
+
+def test_a_saved_model_comes_back_bit_for_bit(saved, batch):
+    model, folder = saved
+    again = Trained(folder).load("tokenizer")
+    assert not again.training
+    assert again.config == model.config
+    assert again.context.to_json() == model.context.to_json()
+    for name, value in model.state_dict().items():
+        assert torch.equal(again.state_dict()[name], value), name
+    codes = model.encode(batch.motion, batch.frames)
+    assert torch.equal(again.encode(batch.motion, batch.frames), codes)
+    assert torch.equal(again.decode(codes), model.decode(codes))
+
+
+def test_an_evaluator_stands_alone(tmp_path, context, batch):
+    config = EvaluatorConfig(8, 8, 8, 8, snippet_width=8, snippet_dim=8)
+    with seeded(1):
+        model = Evaluator(config, context).eval()
+    save_model(tmp_path / "evaluator", "evaluator", model, context)
+    again = load_model(tmp_path / "evaluator")
+    assert torch.equal(again.embed_motion(batch.motion, batch.frames), model.embed_motion(batch.motion, batch.frames))
+
+
+def test_loading_draws_nothing_from_the_caller_s_generator(saved):
+    state = torch.get_rng_state()
+    Trained(saved[1]).load("tokenizer")
+    assert torch.equal(torch.get_rng_state(), state)
+
+
+def test_the_hash_names_the_weights(saved, context):
+    model, folder = saved
+    first = model_hash(folder / "tokenizer")
+    assert len(first) == 12
+    save_model(folder / "tokenizer", "tokenizer", model, context)
+    assert model_hash(folder / "tokenizer") == first
+    with torch.no_grad():
+        model.decoder.output.bias[0] += 1
+    save_model(folder / "tokenizer", "tokenizer", model, context)
+    assert model_hash(folder / "tokenizer") != first
+    assert sorted(p.name for p in folder.iterdir()) == ["tokenizer"]  # no temporary folder stays
+
+
+def test_bad_folders_are_named(saved, tmp_path):
+    _, folder = saved
+    with pytest.raises(InputError, match=r"config.json"):
+        load_model(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="saved model"):
+        model_hash(tmp_path)
+    path = folder / "tokenizer" / "config.json"
+    record = read_record(folder / "tokenizer")
+    for change, rule in (
+        ({"system": "no_such_system"}, "must be one of tokenizer"),
+        ({"config": {**record["config"], "nonsense": 1}}, "keys of this version"),
+        ({"config": {**record["config"], "width": 16}}, "weights that belong"),
+    ):
+        path.write_text(json.dumps({**record, **change}))
+        with pytest.raises(InputError, match=rule):
+            load_model(folder / "tokenizer")
+    path.write_text("{")
+    with pytest.raises(InputError, match="must be JSON"):
+        load_model(folder / "tokenizer")
+    path.write_text(json.dumps(record))
+    weights = folder / "tokenizer" / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:100])
+    with pytest.raises(InputError, match="weights that belong"):
+        load_model(folder / "tokenizer")
