@@ -26,7 +26,8 @@ repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus
 	@python -m motionary.pipeline.repro $(if $(JOBS),--jobs $(JOBS))
 	@python -m motionary.report.summary
 
-test: setup  ## all tests
+test: setup  ## all tests, in a browser too, which is installed where there is none
+	@python tests/browser.py
 	@python -m pytest
 
 check: setup  ## fast checks: style, types, generated files

@@ -1,6 +1,6 @@
 """The page in a real browser: a prompt typed, a motion seen moving, files downloaded and read, visitors kept apart.
 
-Needs Chromium (Debian: `apt-get install chromium`); without one these tests fail and say so. With APP_MODELS a folder
+Needs Chromium or Chrome, which `make test` installs; without one these tests fail and say so. With APP_MODELS a folder
 of trained models is shown in place of the untrained ones, and with APP_PICTURE the page's picture is kept there:
 
     APP_MODELS=models APP_PICTURE=docs/app.png python -m pytest tests/app/test_browser.py -k moving
@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pygltflib
 import pytest
+from browser import find, missing
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 from tiny import add_stylizers
@@ -50,10 +51,9 @@ def url(pipeline, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    names = ("chromium", "chromium-browser", "google-chrome")
-    program = next((found for name in names if (found := shutil.which(name))), None)
+    program = find()
     if program is None:
-        pytest.fail("no Chromium here; on Debian and Ubuntu: apt-get install chromium")
+        pytest.fail(missing(), pytrace=False)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
         yield browser
