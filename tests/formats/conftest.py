@@ -10,7 +10,7 @@ from motionary.motion import Motion, Skeleton
 
 def walker(skeleton: Skeleton | None = None, frames: int = 20, fps: float = 20.0, seed: int = 0) -> Motion:
     """A figure with smooth random joint rotations, walking along +z; rotations are true."""
-    from motionary.motion.quaternions import multiply, rotate
+    from motionary.motion.rotations import quat_action, quat_product
 
     skeleton = skeleton or Skeleton.named("smpl22")
     rng = np.random.default_rng(seed)
@@ -24,8 +24,8 @@ def walker(skeleton: Skeleton | None = None, frames: int = 20, fps: float = 20.0
     positions[:, 0] = np.stack([0 * phase[:, 0], 0.95 + 0 * phase[:, 0], phase[:, 0]], -1)
     turned = rotations.copy()
     for j, p in enumerate(skeleton.parents[1:], 1):
-        turned[:, j] = multiply(turned[:, p], rotations[:, j])
-        positions[:, j] = positions[:, p] + rotate(turned[:, p], skeleton.offsets[j])
+        turned[:, j] = quat_product(turned[:, p], rotations[:, j])
+        positions[:, j] = positions[:, p] + quat_action(turned[:, p], skeleton.offsets[j])
     return Motion(positions, fps, skeleton, rotations)
 
 

@@ -10,7 +10,7 @@ from motionary.formats.render.figure import COLORS, segments
 from motionary.formats.render.mesh import mannequin, rest_positions
 from motionary.formats.tracks import Track, to_locals
 from motionary.motion import Motion
-from motionary.motion.rotations import between, to_quaternions
+from motionary.motion.rotations import rotmat_to_unitquat, vectors_to_rotmat
 
 LOOKS = ("skeleton", "mannequin")
 _SIDES = 10
@@ -46,7 +46,7 @@ class _Limbs:
         along = ends - begins
         length = np.linalg.norm(along, axis=-1)
         radius, colors = radii.mean(-1), COLORS[sides].astype(np.uint8)
-        turns = to_quaternions(between(np.array([0.0, 1.0, 0.0]), along))
+        turns = rotmat_to_unitquat(vectors_to_rotmat(np.array([0.0, 1.0, 0.0]), along))
         self.turns = np.roll(turns, 1, axis=-1).astype(np.float32)  # viser wants w first
         self.middles = ((begins + ends) / 2).astype(np.float32)
         self.tips = np.concatenate([begins, ends], axis=1).astype(np.float32)

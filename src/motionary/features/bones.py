@@ -6,7 +6,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.motion import Skeleton
-from motionary.motion.rotations import across
+from motionary.motion.rotations import orthogonal, quat_product
 
 _NO_BONE = 1e-5  # metres: the direction of a shorter bone is rounding
 
@@ -49,7 +49,7 @@ def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     opposite = (norm < 1e-7 * length) & (length > _NO_BONE)
     if opposite.any():
         axes = np.zeros_like(turn)
-        axes[:3] = np.moveaxis(across(np.moveaxis(start, 0, -1)), -1, 0)
+        axes[:3] = np.moveaxis(orthogonal(np.moveaxis(start, 0, -1)), -1, 0)
         turn, norm = np.where(opposite, axes, turn), np.where(opposite, 1.0, norm)
     return np.where(length > _NO_BONE, turn / np.maximum(norm, 1e-30), 0.0)
 
@@ -66,15 +66,7 @@ def hold_unknown(turned: np.ndarray, root: np.ndarray, before: np.ndarray) -> np
 def relative(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """before^-1 after, unit quaternions (4, ...)."""
     x, y, z, w = before
-    a, b, c, d = after
-    return np.stack(
-        [
-            w * a - x * d - y * c + z * b,
-            w * b + x * c - y * d - z * a,
-            w * c - x * b + y * a - z * d,
-            w * d + x * a + y * b + z * c,
-        ]
-    )
+    return quat_product(np.stack([-x, -y, -z, w]), after, axis=0)
 
 
 def first_columns(quaternion: np.ndarray) -> np.ndarray:
@@ -90,17 +82,3 @@ def first_columns(quaternion: np.ndarray) -> np.ndarray:
             2 * (y * z + x * w),
         ]
     )
-
-
-def matrices(sixd: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) rotation matrices of 6-D rotations (..., 6) by Gram-Schmidt (Zhou et al. 2019), finite for any."""
-    first = _unit(sixd[..., :3], np.array([1.0, 0.0, 0.0]))
-    third = np.cross(first, sixd[..., 3:])
-    # Columns in line leave the turn about the first open: take any.
-    third = _unit(third, across(first))
-    return np.stack([first, np.cross(third, first), third], axis=-1)
-
-
-def _unit(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.where(length > 1e-8, vectors / np.maximum(length, 1e-8), otherwise)

@@ -24,6 +24,7 @@ from motionary.features import bones
 from motionary.motion import Motion, Skeleton
 from motionary.motion.contacts import CONTACT_THRESHOLD, foot_contacts
 from motionary.motion.facing import fill_short, forward_vectors, headings, rotate_y, wrap
+from motionary.motion.rotations import euler_to_rotmat, sixd_to_rotmat
 
 if TYPE_CHECKING:
     import torch
@@ -136,11 +137,9 @@ class HumanML3D:
 
     def _place(self, sixd: np.ndarray, half: np.ndarray, root: np.ndarray) -> np.ndarray:
         """Forward kinematics of the released rotations: (T, J, 3) positions."""
-        local = bones.matrices(sixd.astype(np.float64))
+        local = sixd_to_rotmat(sixd.astype(np.float64))
         # The released root rotation turns the body to +z, so its chains start from there.
-        zero, one = np.zeros_like(half), np.ones_like(half)
-        cosine, sine = np.cos(2 * half), np.sin(2 * half)
-        start = np.stack([cosine, zero, sine, zero, one, zero, -sine, zero, cosine], axis=-1).reshape(-1, 3, 3)
+        start = euler_to_rotmat(1, 2 * half)
         bone = self.skeleton.codec_directions * self.skeleton.bone_lengths[:, None]
         turned, positions = [], np.empty((len(sixd), len(self.skeleton), 3))
         positions[:, 0] = root

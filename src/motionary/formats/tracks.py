@@ -8,7 +8,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.motion import Motion, Skeleton, fit_rotations
-from motionary.motion.quaternions import conjugate, multiply, rotate
+from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
 from motionary.motion.skeleton import NAMED
 
 # Metres per unit: metre, centimetre, millimetre, inch, and the unit of the Acclaim files of CMU and of what was made
@@ -42,8 +42,8 @@ class Track:
         """Global positions (T, J, 3) and rotations (T, J, 4)."""
         positions, rotations = self.translations.copy(), self.rotations.copy()
         for j, p in enumerate(self.parents[1:], 1):
-            positions[:, j] = positions[:, p] + rotate(rotations[:, p], self.translations[:, j])
-            rotations[:, j] = multiply(rotations[:, p], self.rotations[:, j])
+            positions[:, j] = positions[:, p] + quat_action(rotations[:, p], self.translations[:, j])
+            rotations[:, j] = quat_product(rotations[:, p], self.rotations[:, j])
         return positions, rotations
 
     @property
@@ -78,7 +78,7 @@ def to_motion(
     positions, _ = track.place()
     if (up or _up_axis(skeleton, positions)) == "z":
         track = _turned(track, _Y_FROM_Z)
-        positions = rotate(_Y_FROM_Z, positions)
+        positions = quat_action(_Y_FROM_Z, positions)
     positions, rotations = positions * scale, track.rotations
     if skip_first is None:
         skip_first = _starts_with_t_pose(skeleton, positions)
@@ -162,8 +162,10 @@ def _up_axis(skeleton: Skeleton, positions: np.ndarray) -> str:
 
 def _turned(track: Track, turn: np.ndarray) -> Track:
     """The same rig with all its axes turned, the rest pose's too."""
-    rotations = multiply(multiply(np.broadcast_to(turn, track.rotations.shape), track.rotations), conjugate(turn))
-    return replace(track, rotations=rotations, translations=rotate(turn, track.translations))
+    rotations = quat_product(
+        quat_product(np.broadcast_to(turn, track.rotations.shape), track.rotations), quat_conjugation(turn)
+    )
+    return replace(track, rotations=rotations, translations=quat_action(turn, track.translations))
 
 
 def _starts_with_t_pose(skeleton: Skeleton, positions: np.ndarray) -> bool:
@@ -221,9 +223,9 @@ def to_locals(motion: Motion) -> Locals:
     moving = np.zeros(len(skeleton.joints), bool)
     moving[0] = True
     for j, p in enumerate(skeleton.parents[1:], 1):
-        turned[:, j] = multiply(turned[:, p], rotations[:, j])
-        placed[:, j] = placed[:, p] + rotate(turned[:, p], translations[:, j])
+        turned[:, j] = quat_product(turned[:, p], rotations[:, j])
+        placed[:, j] = placed[:, p] + quat_action(turned[:, p], translations[:, j])
         if np.abs(placed[:, j] - positions[:, j]).max() > _WRITTEN:
             moving[j], placed[:, j] = True, positions[:, j]
-            translations[:, j] = rotate(conjugate(turned[:, p]), positions[:, j] - placed[:, p])
+            translations[:, j] = quat_action(quat_conjugation(turned[:, p]), positions[:, j] - placed[:, p])
     return Locals(skeleton, rotations, translations, moving)

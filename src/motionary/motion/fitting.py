@@ -7,7 +7,14 @@ import numpy as np
 from motionary.motion.facing import fill_short, heading
 from motionary.motion.kinematics import agrees, place
 from motionary.motion.motion import Motion
-from motionary.motion.rotations import TINY, between, procrustes, to_quaternions, without_jumps
+from motionary.motion.rotations import (
+    TINY,
+    euler_to_rotmat,
+    quat_continuation,
+    rotmat_to_unitquat,
+    special_procrustes,
+    vectors_to_rotmat,
+)
 from motionary.motion.skeleton import Skeleton
 
 _NO_BONE = 1e-4  # metres: a shorter bone tells nothing about rotation
@@ -35,7 +42,7 @@ def fit_rotations(motion: Motion) -> Motion:
     offsets = _measured_offsets(positions, motion.skeleton)
     turned, placed = np.empty((*positions.shape, 3)), np.empty_like(positions)
     placed[:, 0] = positions[:, 0]
-    expected = _yaw(heading(motion))
+    expected = euler_to_rotmat(1, heading(motion))
     for joint, parent in enumerate(motion.skeleton.parents):
         if parent >= 0:
             placed[:, joint] = placed[:, parent] + (turned[:, parent] @ offsets[joint])
@@ -57,7 +64,7 @@ def _finished(motion: Motion, skeleton: Skeleton, turned: np.ndarray) -> Motion:
     local = turned.copy()
     parents = list(skeleton.parents[1:])
     local[:, 1:] = turned[:, parents].swapaxes(-1, -2) @ turned[:, 1:]
-    rotations = without_jumps(to_quaternions(local))
+    rotations = quat_continuation(rotmat_to_unitquat(local))
     return Motion(place(skeleton, local, motion.positions[:, 0]), motion.fps, skeleton, rotations)
 
 
@@ -83,7 +90,7 @@ def _fit_shape(offsets: np.ndarray, aims: np.ndarray, expected: np.ndarray) -> t
     pull = _PULL * np.square(lengths).sum() * expected
     shape = offsets
     for _ in range(_ROUNDS):
-        turned = procrustes(np.einsum("tci,cj->tij", aims, shape) + pull)
+        turned = special_procrustes(np.einsum("tci,cj->tij", aims, shape) + pull)
         mean = np.einsum("tij,tci->cj", turned, aims)
         size = np.linalg.norm(mean, axis=-1, keepdims=True)
         new = np.where(size > TINY, mean / np.maximum(size, TINY), shape / lengths) * lengths
@@ -91,7 +98,7 @@ def _fit_shape(offsets: np.ndarray, aims: np.ndarray, expected: np.ndarray) -> t
         shape = new
         if moved < 1e-7:
             break
-    return shape, procrustes(np.einsum("tci,cj->tij", aims, shape) + pull)
+    return shape, special_procrustes(np.einsum("tci,cj->tij", aims, shape) + pull)
 
 
 def _swing(expected: np.ndarray, offset: np.ndarray, aim: np.ndarray) -> np.ndarray:
@@ -101,15 +108,9 @@ def _swing(expected: np.ndarray, offset: np.ndarray, aim: np.ndarray) -> np.ndar
     start from the frame before instead.
     """
     start = expected @ offset
-    turned = between(start, aim) @ expected
+    turned = vectors_to_rotmat(start, aim) @ expected
     cosine = (start * aim).sum(-1) / np.maximum(np.linalg.norm(start, axis=-1) * np.linalg.norm(aim, axis=-1), TINY)
     for frame in np.flatnonzero(cosine < _FOLDED):
         if frame:
-            turned[frame] = between(turned[frame - 1] @ offset, aim[frame]) @ turned[frame - 1]
+            turned[frame] = vectors_to_rotmat(turned[frame - 1] @ offset, aim[frame]) @ turned[frame - 1]
     return turned
-
-
-def _yaw(angle: np.ndarray) -> np.ndarray:
-    """(T, 3, 3) rotations about +y."""
-    zero, one, cosine, sine = np.zeros_like(angle), np.ones_like(angle), np.cos(angle), np.sin(angle)
-    return np.stack([cosine, zero, sine, zero, one, zero, -sine, zero, cosine], axis=-1).reshape(-1, 3, 3)

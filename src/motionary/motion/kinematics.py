@@ -6,7 +6,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.motion.motion import Motion
-from motionary.motion.rotations import to_matrices
+from motionary.motion.rotations import unitquat_to_rotmat
 from motionary.motion.skeleton import Skeleton
 
 
@@ -26,14 +26,14 @@ def forward_kinematics(skeleton: Skeleton, rotations: np.ndarray, root_positions
         raise InputError("rotations", rotations.shape, f"shape (..., {len(skeleton)}, 4)")
     if root_positions.shape != (*rotations.shape[:-2], 3):
         raise InputError("root_positions", root_positions.shape, f"shape {(*rotations.shape[:-2], 3)}")
-    return place(skeleton, to_matrices(rotations), root_positions).astype(np.float32)
+    return place(skeleton, unitquat_to_rotmat(rotations), root_positions).astype(np.float32)
 
 
 def agrees(motion: Motion, tolerance: float = 1e-3) -> bool:
     """Whether a motion has rotations that place its joints within a tolerance in metres."""
     if motion.rotations is None:
         return False
-    placed = place(motion.skeleton, to_matrices(motion.rotations), motion.positions[:, 0])
+    placed = place(motion.skeleton, unitquat_to_rotmat(motion.rotations), motion.positions[:, 0])
     return bool(np.linalg.norm(placed - motion.positions, axis=-1).max() < tolerance)
 
 

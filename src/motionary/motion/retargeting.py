@@ -12,7 +12,7 @@ from motionary.errors import InputError
 from motionary.motion.facing import fill_short
 from motionary.motion.motion import Motion
 from motionary.motion.roles import REQUIRED, read_mapping
-from motionary.motion.rotations import TINY, between
+from motionary.motion.rotations import TINY, vectors_to_rotmat
 from motionary.motion.skeleton import Skeleton
 
 UNMAPPED = "roles of no known joint; say which joint plays which: mapping.json in a data folder, --mapping, mapping="
@@ -118,7 +118,7 @@ def _guess(motion: Motion, skeleton: Skeleton, source: list[int]) -> np.ndarray:
         below = _nearest_known(skeleton, known, joint)
         begin, end = (parent, below) if below >= 0 else (skeleton.parents[parent], parent)
         bone, seen = rest[end] - rest[max(begin, 0)], points[:, end] - points[:, max(begin, 0)]
-        turn = between(torso @ bone, seen) @ torso
+        turn = vectors_to_rotmat(torso @ bone, seen) @ torso
         # Between two known joints the shape is stretched to fit; beyond the last one it keeps its own scale.
         size = (
             np.linalg.norm(seen, axis=-1) / np.linalg.norm(bone) if below >= 0 and np.linalg.norm(bone) > TINY else 1.0

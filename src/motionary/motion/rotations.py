@@ -1,75 +1,86 @@
-"""Rotations on numpy arrays: unit quaternions xyzw (roma's order), and 3x3 matrices.
+"""Rotations on numpy arrays of any leading shape, with roma's names: unit quaternions xyzw and 3x3 matrices.
 
-Interpolation and what needs it are roma's; it is imported late, since it brings torch.
+roma itself is imported late, and only to interpolate: it brings torch, and reading or writing a file needs no torch.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 TINY = 1e-8  # metres: a vector below this has no direction
 
 
-def across(unit: np.ndarray) -> np.ndarray:
-    """Some unit vector at right angles to each unit vector (..., 3)."""
-    x, y, z = np.moveaxis(unit, -1, 0)
-    zero = np.zeros_like(x)
-    axis = np.where((np.abs(x) < 0.9)[..., None], np.stack([zero, z, -y], -1), np.stack([-z, zero, x], -1))
-    return axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+def quat_product(a: np.ndarray, b: np.ndarray, axis: int = -1) -> np.ndarray:
+    """Hamilton product of quaternions, broadcast: the rotation `b` first, then `a`.
 
-
-def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) least rotations from the directions of start (..., 3) to those of end (..., 3).
-
-    Opposite directions turn about some axis across `start`; a vector without length gives the identity.
+    Args:
+        a, b: (..., 4) xyzw; with another `axis`, the one that holds the four components.
+        axis: of the components.
     """
-    start, end = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), TINY) for v in (start, end))
-    start, end = np.broadcast_arrays(start, end)
-    cosine = (start * end).sum(-1)
-    axis = np.cross(start, end)
-    # Rodrigues' formula, R = 1 + [axis] + [axis]^2 / (1 + cosine), fails near opposite directions: there the turn is
-    # a half turn about an axis across start, then the least rotation that remains.
-    opposite = cosine < -1 + 1e-9
-    near = np.where(opposite, 0.0, 1 / np.where(opposite, 1.0, 1 + cosine))
-    skew = hat(axis)
-    result = np.eye(3) + skew + skew @ skew * near[..., None, None]
-    if opposite.any():
-        side = across(start[opposite])
-        result[opposite] = 2 * side[..., :, None] * side[..., None, :] - np.eye(3)
-    lost = (np.abs(start).sum(-1) < 0.5) | (np.abs(end).sum(-1) < 0.5)
-    result[lost] = np.eye(3)
-    return result
+    ax, ay, az, aw = np.moveaxis(a, axis, 0)
+    bx, by, bz, bw = np.moveaxis(b, axis, 0)
+    return np.stack(
+        [
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ],
+        axis=axis,
+    )
 
 
-def hat(vector: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) cross-product matrices of vectors (..., 3)."""
-    result = np.zeros((*vector.shape, 3))
-    result[..., 2, 1], result[..., 0, 2], result[..., 1, 0] = np.moveaxis(vector, -1, 0)
-    result[..., 1, 2], result[..., 2, 0], result[..., 0, 1] = -np.moveaxis(vector, -1, 0)
-    return result
+def quat_conjugation(q: np.ndarray) -> np.ndarray:
+    """The inverse of unit quaternions (..., 4)."""
+    return q * np.array([-1, -1, -1, 1], q.dtype)
 
 
-def procrustes(covariance: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) rotations R that maximize tr(R^T covariance), covariance = sum of target source^T (Kabsch 1976)."""
-    u, _, vt = np.linalg.svd(covariance)
-    u[..., :, 2] *= np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)[..., None]
-    return u @ vt
+def quat_action(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+    u, w = q[..., :3], q[..., 3:]
+    t = 2 * np.cross(u, v)
+    return v + w * t + np.cross(u, t)
 
 
-def to_matrices(quaternions: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) float64 matrices of quaternions xyzw (..., 4), which need not be of length 1 to the last digit."""
+def quat_continuation(q: np.ndarray) -> np.ndarray:
+    """The same rotations (T, ..., 4), each quaternion of the sign that is nearer to the frame before."""
+    flips = np.where((q[1:] * q[:-1]).sum(-1) < 0, -1, 1)
+    signs = np.cumprod(np.concatenate([np.ones_like(q[:1, ..., 0]), flips]), axis=0).astype(q.dtype)
+    return q * signs[..., None]
+
+
+def unitquat_slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Quaternions a share (T,) of the shorter way from start (T, J, 4) to end (T, J, 4), float64."""
     import roma
     import torch
 
-    unit = torch.from_numpy(np.asarray(quaternions, dtype=np.float64))
-    return roma.unitquat_to_rotmat(roma.quat_normalize(unit)).numpy()
+    a, b = (torch.from_numpy(np.asarray(q, dtype=np.float64)) for q in (start, end))
+    steps = torch.from_numpy(np.asarray(share, dtype=np.float64))
+    # roma.unitquat_slerp takes every step for every rotation; frames are interpolated one step each.
+    angle = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(a), b), shortest_arc=True)
+    turned = roma.quat_product(a, roma.rotvec_to_unitquat(angle * steps[:, None, None]))
+    return roma.quat_normalize(turned).numpy()
 
 
-def to_quaternions(matrices: np.ndarray) -> np.ndarray:
-    """(..., 4) float32 quaternions xyzw of rotation matrices (..., 3, 3).
+def unitquat_to_rotmat(q: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) float64 matrices of quaternions (..., 4), which need not be of length 1 to the last digit."""
+    q = np.asarray(q, np.float64)
+    x, y, z, w = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    xx, yy, zz, ww = x * x, y * y, z * z, w * w
+    rows = [
+        [xx - yy - zz + ww, 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), -xx + yy - zz + ww, 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), -xx - yy + zz + ww],
+    ]
+    return np.stack([np.stack(row, -1) for row in rows], -2)
 
-    Without roma: writing a file of a generated motion needs only this, and torch takes longer to import than the file
-    to write. Shepperd's method ("Quaternion from rotation matrix", 1978): divide by the largest of the four.
+
+def rotmat_to_unitquat(matrices: np.ndarray) -> np.ndarray:
+    """(..., 4) float64 quaternions of rotation matrices (..., 3, 3).
+
+    Shepperd's method ("Quaternion from rotation matrix", 1978): divide by the largest of the four components.
     """
     m = np.asarray(matrices, dtype=np.float64)
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (np.moveaxis(m[..., row, :], -1, 0) for row in range(3))
@@ -83,24 +94,108 @@ def to_quaternions(matrices: np.ndarray) -> np.ndarray:
     candidates = np.stack([np.stack(row, -1) for row in rows], -2)
     largest = np.argmax(np.stack([x, y, z, w], -1), axis=-1)
     found = np.take_along_axis(candidates, largest[..., None, None], axis=-2)[..., 0, :]
-    return (found / np.linalg.norm(found, axis=-1, keepdims=True)).astype(np.float32)
+    return found / np.linalg.norm(found, axis=-1, keepdims=True)
 
 
-def slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Quaternions xyzw a share (T,) of the shorter way from start (T, J, 4) to end (T, J, 4), float32."""
-    import roma
-    import torch
+def euler_to_unitquat(axes: Sequence[int], angles: np.ndarray) -> np.ndarray:
+    """Quaternions of intrinsic rotations: R = R_axes[0](a0) R_axes[1](a1) ... as BVH applies its channels in order.
 
-    a, b = (torch.from_numpy(np.asarray(q, dtype=np.float64)) for q in (start, end))
-    steps = torch.from_numpy(np.asarray(share, dtype=np.float64))
-    # roma takes every step for every rotation; frames are interpolated one step each.
-    angle = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(a), b), shortest_arc=True)
-    turned = roma.quat_product(a, roma.rotvec_to_unitquat(angle * steps[:, None, None]))
-    return roma.quat_normalize(turned).numpy().astype(np.float32)
+    Args:
+        axes: 0, 1, 2 for x, y, z; any number of them, in the order written.
+        angles: (..., len(axes)) radians.
+    """
+    result = np.zeros((*angles.shape[:-1], 4))
+    result[..., 3] = 1.0
+    for i, axis in enumerate(axes):
+        half = angles[..., i] / 2
+        turn = np.zeros_like(result)
+        turn[..., axis], turn[..., 3] = np.sin(half), np.cos(half)
+        result = quat_product(result, turn) if i else turn
+    return result
 
 
-def without_jumps(quaternions: np.ndarray) -> np.ndarray:
-    """The same rotations (T, J, 4), each of the sign that is nearer to the frame before."""
-    flips = np.where((quaternions[1:] * quaternions[:-1]).sum(-1) < 0, np.float32(-1), np.float32(1))
-    signs = np.cumprod(np.concatenate([np.ones_like(quaternions[:1, :, 0]), flips]), axis=0)
-    return quaternions * signs[..., None]
+def unitquat_to_euler_zxy(q: np.ndarray) -> np.ndarray:
+    """Angles (..., 3) in radians with R = R_z(a) R_x(b) R_y(c), the order most BVH files use.
+
+    At the poles (b = +-90 degrees) only a +- c is determined, and c is set to zero.
+    """
+    m = unitquat_to_rotmat(q)
+    b = np.arcsin(np.clip(m[..., 2, 1], -1, 1))
+    pole = np.abs(m[..., 2, 1]) > 1 - 1e-9
+    a = np.where(pole, np.arctan2(m[..., 1, 0], m[..., 0, 0]), np.arctan2(-m[..., 0, 1], m[..., 1, 1]))
+    c = np.where(pole, 0.0, np.arctan2(-m[..., 2, 0], m[..., 2, 2]))
+    return np.stack([a, b, c], -1)
+
+
+def euler_to_rotmat(axis: int, angle: np.ndarray | float) -> np.ndarray:
+    """(..., 3, 3) rotations about one axis (0, 1, 2 for x, y, z) by angles (...) in radians."""
+    angle = np.asarray(angle, dtype=np.float64)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    result = np.zeros((*angle.shape, 3, 3))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    result[..., axis, axis] = 1.0
+    result[..., i, i] = result[..., j, j] = cosine
+    result[..., i, j], result[..., j, i] = -sine, sine
+    return result
+
+
+def sixd_to_rotmat(sixd: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) rotation matrices of 6-D rotations (..., 6) by Gram-Schmidt (Zhou et al. 2019), finite for any."""
+    first = _direction(sixd[..., :3], np.array([1.0, 0.0, 0.0]))
+    # Columns in line leave the turn about the first open: take any.
+    third = _direction(np.cross(first, sixd[..., 3:]), orthogonal(first))
+    return np.stack([first, np.cross(third, first), third], axis=-1)
+
+
+def special_procrustes(covariance: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) rotations R that maximize tr(R^T covariance), covariance = sum of target source^T (Kabsch 1976)."""
+    u, _, vt = np.linalg.svd(covariance)
+    u[..., :, 2] *= np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)[..., None]
+    return u @ vt
+
+
+def vectors_to_rotmat(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) least rotations from the directions of start (..., 3) to those of end (..., 3).
+
+    Opposite directions turn about some axis across `start`; a vector without length gives the identity.
+    """
+    start, end = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), TINY) for v in (start, end))
+    result = unitvectors_to_rotmat(start, end)
+    result[(np.abs(start).sum(-1) < 0.5) | (np.abs(end).sum(-1) < 0.5)] = np.eye(3)
+    return result
+
+
+def unitvectors_to_rotmat(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """`vectors_to_rotmat` for vectors of length 1."""
+    start, end = np.broadcast_arrays(start, end)
+    cosine = (start * end).sum(-1)
+    skew = hat(np.cross(start, end))
+    # Rodrigues' formula, R = 1 + [axis] + [axis]^2 / (1 + cosine), fails near opposite directions: there the turn is
+    # a half turn about an axis across start.
+    opposite = cosine < -1 + 1e-9
+    result = np.eye(3) + skew + skew @ skew / np.where(opposite, 1.0, 1 + cosine)[..., None, None]
+    if opposite.any():
+        side = orthogonal(start[opposite])
+        result[opposite] = 2 * side[..., :, None] * side[..., None, :] - np.eye(3)
+    return result
+
+
+def hat(vector: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) cross-product matrices of vectors (..., 3)."""
+    result = np.zeros((*vector.shape, 3))
+    result[..., 2, 1], result[..., 0, 2], result[..., 1, 0] = np.moveaxis(vector, -1, 0)
+    result[..., 1, 2], result[..., 2, 0], result[..., 0, 1] = -np.moveaxis(vector, -1, 0)
+    return result
+
+
+def orthogonal(unit: np.ndarray) -> np.ndarray:
+    """Some unit vector at right angles to each unit vector (..., 3)."""
+    x, y, z = np.moveaxis(unit, -1, 0)
+    zero = np.zeros_like(x)
+    axis = np.where((np.abs(x) < 0.9)[..., None], np.stack([zero, z, -y], -1), np.stack([-z, zero, x], -1))
+    return axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+
+
+def _direction(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > TINY, vectors / np.maximum(length, TINY), otherwise)

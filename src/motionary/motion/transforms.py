@@ -8,7 +8,7 @@ from motionary.errors import InputError
 from motionary.motion.facing import heading, rotate_y
 from motionary.motion.kinematics import agrees, forward_kinematics
 from motionary.motion.motion import Motion
-from motionary.motion.rotations import slerp
+from motionary.motion.rotations import quat_product, unitquat_slerp
 from motionary.motion.skeleton import Skeleton
 
 _MIRROR = np.array([-1, 1, 1], np.float32)
@@ -50,7 +50,7 @@ def resample(motion: Motion, fps: float) -> Motion:
     after = np.minimum(before + 1, motion.frames - 1)
     positions, rotations = _spline(motion.positions, before, share), None
     if motion.rotations is not None:
-        rotations = slerp(motion.rotations[before], motion.rotations[after], share)
+        rotations = unitquat_slerp(motion.rotations[before], motion.rotations[after], share).astype(np.float32)
         if agrees(motion):
             positions = forward_kinematics(motion.skeleton, rotations, positions[:, 0])
     return Motion(positions, fps, motion.skeleton, rotations)
@@ -101,10 +101,6 @@ def _turn_root(rotations: np.ndarray | None, angle: float) -> np.ndarray | None:
     """Local rotations (T, J, 4) of the body turned about +y by angle radians."""
     if rotations is None:
         return None
-    x, y, z, w = rotations[:, 0].T.astype(np.float64)
-    sine, cosine = np.sin(angle / 2), np.cos(angle / 2)
     turned = rotations.copy()
-    turned[:, 0] = np.stack(
-        [cosine * x + sine * z, cosine * y + sine * w, cosine * z - sine * x, cosine * w - sine * y], -1
-    )
+    turned[:, 0] = quat_product(np.array([0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2)]), rotations[:, 0])
     return turned

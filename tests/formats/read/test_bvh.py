@@ -205,10 +205,10 @@ def test_lying_person_stays_lying(tmp_path):
     motion = person()
     turn_x = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
     from motionary.motion import forward_kinematics
-    from motionary.motion.quaternions import multiply
+    from motionary.motion.rotations import quat_product
 
     local = motion.rotations.astype(float)
-    local[:, 0] = multiply(np.broadcast_to(turn_x, local[:, 0].shape), local[:, 0])
+    local[:, 0] = quat_product(np.broadcast_to(turn_x, local[:, 0].shape), local[:, 0])
     flat = Motion(forward_kinematics(motion.skeleton, local, motion.positions[:, 0]), 20, motion.skeleton, local)
     write_bvh(flat, tmp_path / "a.bvh")
     np.testing.assert_allclose(read_bvh(tmp_path / "a.bvh").positions, flat.positions, atol=1e-3)

@@ -9,7 +9,7 @@ import pytest
 from motionary.errors import InputError
 from motionary.formats.render.mesh import mannequin, rest_positions
 from motionary.motion import Motion, Skeleton
-from motionary.motion.quaternions import to_matrix
+from motionary.motion.rotations import unitquat_to_rotmat
 
 TYPES = {gl.FLOAT: np.float32, gl.UNSIGNED_BYTE: np.uint8, gl.UNSIGNED_SHORT: np.uint16, gl.UNSIGNED_INT: np.uint32}
 WIDTH = {gl.SCALAR: 1, gl.VEC3: 3, gl.VEC4: 4, gl.MAT4: 16}
@@ -33,14 +33,14 @@ def worlds(document: gl.GLTF2, frame: int) -> np.ndarray:
     local = []
     for node in document.nodes:
         matrix = np.eye(4)
-        matrix[:3, :3] = to_matrix(np.array(node.rotation or [0, 0, 0, 1.0]))
+        matrix[:3, :3] = unitquat_to_rotmat(np.array(node.rotation or [0, 0, 0, 1.0]))
         matrix[:3, 3] = node.translation or 0
         local.append(matrix)
     (animation,) = document.animations
     for channel in animation.channels:
         values = array(document, animation.samplers[channel.sampler].output)[frame]
         if channel.target.path == "rotation":
-            local[channel.target.node][:3, :3] = to_matrix(values)
+            local[channel.target.node][:3, :3] = unitquat_to_rotmat(values)
         else:
             local[channel.target.node][:3, 3] = values
     world = list(local)

@@ -11,9 +11,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from motionary.corpus.demo.curves import dilate, rotate_x, rotate_y, rotate_z, smooth, swing_between, to_quaternions
+from motionary.corpus.demo.curves import dilate, rotate_x, rotate_y, rotate_z, smooth
 from motionary.corpus.demo.plan import Plan
 from motionary.motion import Motion, Skeleton
+from motionary.motion.rotations import quat_continuation, rotmat_to_unitquat, unitvectors_to_rotmat
 
 DOWN = np.array([0.0, -1.0, 0.0])
 SIGNS = (1.0, -1.0)  # left lies at +x
@@ -109,7 +110,7 @@ def _leg(rig: Rig, plan: Plan, side: int, hip: np.ndarray) -> tuple[np.ndarray, 
     # The knee points where pelvis and foot point on average.
     facing = rotate_y(plan.yaw + 0.5 * plan.pelvis[:, 2] + 0.5 * (1 - weight) * (plan.foot_yaw[:, side] - plan.yaw))
     direction = np.einsum("nji,nj->ni", facing, reach / length[:, None])
-    axis = facing @ swing_between(np.broadcast_to(DOWN, direction.shape), direction)
+    axis = facing @ unitvectors_to_rotmat(np.broadcast_to(DOWN, direction.shape), direction)
     at_hip = np.arccos(np.clip((thigh**2 + distance**2 - shin**2) / (2 * thigh * distance), -1, 1))
     inner = np.arccos(np.clip((thigh**2 + shin**2 - distance**2) / (2 * thigh * shin), -1, 1))
     upper = axis @ rotate_x(-at_hip)
@@ -161,7 +162,7 @@ def _world_rotations(rig: Rig, plan: Plan, root: np.ndarray) -> np.ndarray:
 
 def _calibration(offset: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) that takes a bone's rest direction to straight down."""
-    return swing_between(offset / np.linalg.norm(offset), DOWN)
+    return unitvectors_to_rotmat(offset / np.linalg.norm(offset), DOWN)
 
 
 def solve(rig: Rig, plan: Plan, fps: float) -> Motion:
@@ -184,4 +185,4 @@ def solve(rig: Rig, plan: Plan, fps: float) -> Motion:
         positions[:, joint] = positions[:, parent] + world[:, parent] @ rig.offsets[joint]
     local = world.copy()
     local[:, 1:] = np.swapaxes(world[:, list(parents[1:])], -1, -2) @ world[:, 1:]
-    return Motion(positions.astype(np.float32), fps, rig.skeleton, to_quaternions(local).astype(np.float32))
+    return Motion(positions.astype(np.float32), fps, rig.skeleton, quat_continuation(rotmat_to_unitquat(local)))

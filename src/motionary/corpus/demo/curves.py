@@ -9,6 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from motionary.motion.rotations import euler_to_rotmat
+
 RATE = 60.0  # frames per second at which motions are planned, whatever the rate of the finished clip
 
 
@@ -99,58 +101,16 @@ def wander(rng: np.random.Generator, t: np.ndarray, channels: int) -> np.ndarray
     return np.sin(2 * np.pi * frequency * t[None, :, None] + phase).sum(axis=0) * 0.6
 
 
-def _planar(angle: np.ndarray, i: int, j: int) -> np.ndarray:
-    angle = np.asarray(angle, dtype=np.float64)
-    result = np.zeros((*angle.shape, 3, 3))
-    cosine, sine = np.cos(angle), np.sin(angle)
-    result[..., 3 - i - j, 3 - i - j] = 1.0
-    result[..., i, i] = result[..., j, j] = cosine
-    result[..., i, j], result[..., j, i] = -sine, sine
-    return result
-
-
 def rotate_x(angle: np.ndarray) -> np.ndarray:
     """(...,) radians -> (..., 3, 3); positive leans y towards z (forward)."""
-    return _planar(angle, 1, 2)
+    return euler_to_rotmat(0, angle)
 
 
 def rotate_y(angle: np.ndarray) -> np.ndarray:
     """(...,) radians -> (..., 3, 3); positive turns z towards x (to the left)."""
-    return _planar(angle, 2, 0)
+    return euler_to_rotmat(1, angle)
 
 
 def rotate_z(angle: np.ndarray) -> np.ndarray:
     """(...,) radians -> (..., 3, 3); positive turns x towards y."""
-    return _planar(angle, 0, 1)
-
-
-def swing_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Shortest rotation (..., 3, 3) taking unit vectors a to unit vectors b, not exactly opposite (Rodrigues)."""
-    v = np.cross(a, b)
-    cosine = np.sum(np.broadcast_to(a, v.shape) * b, axis=-1)[..., None, None]
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    zero = np.zeros_like(x)
-    skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
-    return np.eye(3) + skew + skew @ skew / np.maximum(1 + cosine, 1e-6)
-
-
-def to_quaternions(matrices: np.ndarray) -> np.ndarray:
-    """(T, J, 3, 3) rotation matrices -> (T, J, 4) unit quaternions xyzw without sign flips over time.
-
-    The largest of the four components is found first, then the others from it (Shepperd 1978).
-    """
-    m = matrices
-    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    squares = np.stack([1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22], -1)
-    xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
-    wx, wy, wz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
-    rows = np.stack([squares[..., 0], xy, xz, wx, xy, squares[..., 1], yz, wy], -1)
-    rows = np.concatenate([rows, np.stack([xz, yz, squares[..., 2], wz, wx, wy, wz, squares[..., 3]], -1)], -1)
-    rows = rows.reshape(*squares.shape, 4)
-    best = np.argmax(squares, axis=-1)[..., None, None]
-    q = np.take_along_axis(rows, best, axis=-2)[..., 0, :]
-    q /= np.linalg.norm(q, axis=-1, keepdims=True)
-    flips = np.sum(q[1:] * q[:-1], axis=-1) < 0
-    signs = np.where(np.cumsum(flips, axis=0) % 2, -1.0, 1.0)
-    q[1:] *= signs[..., None]
-    return q
+    return euler_to_rotmat(2, angle)

@@ -17,7 +17,7 @@ from motionary.errors import InputError
 from motionary.files import read_text
 from motionary.formats.tracks import CMU_UNIT, Track, to_motion
 from motionary.motion import Motion
-from motionary.motion.quaternions import conjugate, from_euler, multiply
+from motionary.motion.rotations import euler_to_unitquat, quat_conjugation, quat_product
 
 _CMU_FPS = 120.0  # AMC files state no rate
 _TURNS, _MOVES = {"rx": 0, "ry": 1, "rz": 2}, {"tx": 0, "ty": 1, "tz": 2}
@@ -199,7 +199,7 @@ def _rotation(words: list[str], degrees: bool) -> np.ndarray:
     order = [" xyz".index(letter) - 1 for letter in words[3].lower()]
     if sorted(order) != [0, 1, 2]:
         raise InputError("axis", words[3], "must be an order of X, Y and Z")
-    return from_euler(order[::-1], (np.radians(angles) if degrees else angles)[order[::-1]])
+    return euler_to_unitquat(order[::-1], (np.radians(angles) if degrees else angles)[order[::-1]])
 
 
 def _parse_amc(text: str, rig: Rig, name: object) -> tuple[dict[str, np.ndarray], bool]:
@@ -269,9 +269,9 @@ def _track(rig: Rig, values: dict[str, np.ndarray], degrees: bool) -> Track:
         bone = rig.bones[name]
         turns = [c for c, dof in enumerate(bone.dof) if dof in _TURNS][::-1]  # the first one turns first
         angles = values[name][:, turns]
-        local = from_euler([_TURNS[bone.dof[c]] for c in turns], np.radians(angles) if degrees else angles)
+        local = euler_to_unitquat([_TURNS[bone.dof[c]] for c in turns], np.radians(angles) if degrees else angles)
         axis = np.broadcast_to(bone.axis, local.shape)
-        rotations[:, j] = multiply(multiply(axis, local), conjugate(axis))
+        rotations[:, j] = quat_product(quat_product(axis, local), quat_conjugation(axis))
         for c, dof in enumerate(bone.dof):
             if dof in _MOVES:
                 translations[:, j, _MOVES[dof]] += values[name][:, c]

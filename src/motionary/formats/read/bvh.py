@@ -10,7 +10,7 @@ from motionary.files import read_text
 from motionary.formats.bvh_text import RawBVH, parse
 from motionary.formats.tracks import Track, to_motion
 from motionary.motion import Motion
-from motionary.motion.quaternions import from_euler
+from motionary.motion.rotations import euler_to_unitquat
 
 
 def read_bvh(
@@ -64,7 +64,7 @@ def _track(raw: RawBVH) -> Track:
             if kind == "position":
                 translations[:, i, axis] = values[:, c]
         if turns:
-            rotations[:, i] = from_euler([node.channels[c][1] for c in turns], np.radians(values[:, turns]))
+            rotations[:, i] = euler_to_unitquat([node.channels[c][1] for c in turns], np.radians(values[:, turns]))
     parents = tuple(new[raw.nodes[old].parent] for old in kept)
     return Track(_unique([raw.nodes[old].name for old in kept]), parents, rotations, translations)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from motionary.formats.render.figure import COLORS, limbs, segments
 from motionary.motion import Skeleton
-from motionary.motion.rotations import between
+from motionary.motion.rotations import vectors_to_rotmat
 
 _WOOD = np.array([205, 170, 125], np.float32)
 _SIDES = 12  # of a capsule
@@ -107,7 +107,7 @@ def _align(old: np.ndarray, new: np.ndarray, girth: float) -> np.ndarray:
     """The matrix that turns bone `old` to `new` and stretches along it, with `girth` across."""
     axis = old / np.linalg.norm(old)
     along = np.linalg.norm(new) / np.linalg.norm(old)
-    return between(old, new) @ (girth * np.eye(3) + (along - girth) * np.outer(axis, axis))
+    return vectors_to_rotmat(old, new) @ (girth * np.eye(3) + (along - girth) * np.outer(axis, axis))
 
 
 def capsules(skeleton: Skeleton, positions: np.ndarray) -> Body:

@@ -13,7 +13,7 @@ from motionary.files import write_bytes
 from motionary.formats.bvh_text import Node, render
 from motionary.formats.tracks import to_locals
 from motionary.motion import Motion
-from motionary.motion.quaternions import to_zxy
+from motionary.motion.rotations import unitquat_to_euler_zxy
 
 _POSITIONS = [("position", axis) for axis in range(3)]
 _ROTATIONS = [("rotation", axis) for axis in (2, 0, 1)]  # z x y, as most programs write
@@ -40,7 +40,7 @@ def write_bvh(motion: Motion, path: str | os.PathLike, unit: float = 0.01, force
     inner = set(skeleton.parents)
     nodes: list[Node] = []
     columns: list[list[np.ndarray]] = []
-    angles = np.degrees(to_zxy(local.rotations))
+    angles = np.degrees(unitquat_to_euler_zxy(local.rotations))
     for j, (name, parent) in enumerate(zip(skeleton.joints, skeleton.parents, strict=True)):
         end = name.endswith("_end") and j not in inner and not local.moving[j]
         node = Node(name, parent, end, tuple(float(x) for x in skeleton.offsets[j] / unit))

@@ -14,7 +14,7 @@ from motionary.files import writable, write_bytes
 from motionary.formats.render.mesh import Body, capsules, mannequin, rest_positions
 from motionary.formats.tracks import Locals, Track, to_locals
 from motionary.motion import Motion
-from motionary.motion.quaternions import to_matrix
+from motionary.motion.rotations import quat_continuation, unitquat_to_rotmat
 
 _STILL = 1e-7
 # Numbers that glTF 2.0 gives to kinds of data (5.1.3, 5.11.5). Its JSON is plain enough to be written as it is; a
@@ -106,10 +106,8 @@ def _animation(local: Locals, fps: float, nodes: list[dict[str, Any]], pack: _Pa
         channels.append({"sampler": len(samplers), "target": {"node": joint, "path": path}})
         samplers.append({"input": time, "output": pack.add(values.astype(np.float32)), "interpolation": "LINEAR"})
 
-    rotations = local.rotations.copy()
     # q and -q are one rotation: keep neighbours on one side, so that blending between frames takes the short way.
-    flips = np.cumprod(np.where((rotations[1:] * rotations[:-1]).sum(-1) < 0, -1.0, 1.0), axis=0)
-    rotations[1:] *= flips[..., None]
+    rotations = quat_continuation(local.rotations)
     for j, node in enumerate(nodes):
         if local.moving[j]:
             channel(j, "translation", local.translations[:, j])
@@ -129,7 +127,7 @@ def _body(local: Locals) -> tuple[Body, np.ndarray]:
         return figure, inverse
     # Rest poses of other rigs can be anything (all bones along one axis): bind to the first frame instead.
     positions, rotations = Track(skeleton.joints, skeleton.parents, local.rotations[:1], local.translations[:1]).place()
-    back = to_matrix(rotations[0]).transpose(0, 2, 1)
+    back = unitquat_to_rotmat(rotations[0]).transpose(0, 2, 1)
     inverse[:, :3, :3] = back
     inverse[:, :3, 3] = -(back @ positions[0, :, :, None])[..., 0]
     return capsules(skeleton, positions[0]), inverse
