@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ def matrix(what: str, values: Any, dimensions: int = 2) -> np.ndarray:
     Raises:
         InputError: another number of dimensions, no entry, or values that are not finite.
     """
-    if hasattr(values, "detach"):  # a torch tensor, perhaps on another device and with a gradient
-        values = values.detach().cpu().numpy()
+    torch = sys.modules.get("torch")  # who has a tensor has loaded torch; nobody else pays for it
+    if torch is not None and isinstance(values, torch.Tensor):
+        values = values.detach().cpu().numpy()  # perhaps on another device and with a gradient
     array = np.asarray(values)
     if array.dtype not in (np.float32, np.float64):
         array = array.astype(np.float64)
