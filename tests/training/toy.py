@@ -11,6 +11,7 @@ from safetensors.torch import save_file
 from torch import nn
 
 from motionary.corpus.batches import Batch, Batches
+from motionary.systems.trainable import Trainable
 from motionary.training.devices import make_fabric
 from motionary.training.loop import fit
 from motionary.training.settings import TrainSettings
@@ -33,7 +34,7 @@ class Numbers:
         return Batch(clip=torch.as_tensor(indices), motion=torch.from_numpy(values)[:, None])
 
 
-class Regression(nn.Module):
+class Regression(Trainable):
     """Two layers with dropout and noise from the loop's generator, so that resuming must restore both."""
 
     def __init__(self, dropout: float = 0.2, noise: float = 0.05):

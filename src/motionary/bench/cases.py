@@ -37,7 +37,7 @@ def _features(shapes: Shapes) -> Work:
 def _recover(shapes: Shapes) -> Work:
     from motionary.features.humanml3d import recover_positions
 
-    features = make_batch(1, 4 * shapes.tokens).motion[0].numpy()  # type: ignore[index]
+    features = make_batch(1, 4 * shapes.tokens).motion[0].numpy()
     return Work(lambda: recover_positions(features, 22))
 
 
@@ -108,8 +108,6 @@ def _captions(shapes: Shapes) -> Work:
     @torch.no_grad()
     def run() -> None:
         """Encodes the motions and searches for their captions."""
-        assert batch.tokens is not None
-        assert batch.token_count is not None
         ids, mask = model.token_source(batch.tokens, batch.token_count)
         state = model.start(model.embed(ids), mask)
         beam_search(_Endless(model, END), state, start, END, 2, 1, shapes.caption_words)

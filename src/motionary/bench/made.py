@@ -9,10 +9,12 @@ from motionary.bench.shapes import Shapes
 from motionary.corpus.batch import Batch
 from motionary.corpus.context import Context
 from motionary.corpus.demo import demo_clip
+from motionary.features import UNIT, HumanML3D
 from motionary.language import END, START, UNKNOWN, Sentence, Vocabulary
 from motionary.motion import Motion, Skeleton
 
-FEATURES = 263
+SKELETON = Skeleton.named("smpl22")
+FEATURES = HumanML3D(SKELETON).dim
 FPS = 20.0
 
 
@@ -21,10 +23,10 @@ def make_context(shapes: Shapes, max_frames: int = 196) -> Context:
     words = tuple(f"word{i}" for i in range(shapes.vocabulary - UNKNOWN - 1))
     sentence = Sentence(" ".join(words), words, ("OTHER",) * len(words))
     return Context(
-        skeleton=Skeleton.named("smpl22"),
+        skeleton=SKELETON,
         fps=FPS,
         codec="humanml3d",
-        unit=4,
+        unit=UNIT,
         mean=np.zeros(FEATURES, np.float32),
         std=np.ones(FEATURES, np.float32),
         vocabulary=Vocabulary.build([sentence]),

@@ -43,7 +43,7 @@ def stylize(motions: int | None = None) -> Callable[[Shapes], Work]:
         model = _stylizer(shapes)
         root = GlobalMotion(GlobalMotionConfig(width=shapes.style_width // 4), model.context)
         transfer, count = StyleTransfer({"supervised": model}, root), motions or shapes.sequences
-        contents = list(make_batch(count, shapes.style_window).motion.numpy())  # type: ignore[union-attr]
+        contents = list(make_batch(count, shapes.style_window).motion.numpy())
         labels = [i % len(STYLES) for i in range(count)]
         asked = {"setting": "supervised", "labels": labels, "seeds": range(count)}
         return Work(lambda: transfer.stylize(contents, **asked))

@@ -1,52 +1,104 @@
-"""`Batch`, what every model takes, and what a dataset must offer to be batched."""
+"""`Batch`, what datasets give, and what of it a loss reads: one protocol for each need."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 from torch import Tensor
 
 
-@dataclass
+class MotionBatch(Protocol):
+    """Motions.
+
+    Attributes:
+        motion: (B, T, D) float32 raw features, zero beyond `frames`.
+        frames: (B,) valid frames.
+    """
+
+    motion: Tensor
+    frames: Tensor
+
+
+class LabeledBatch(MotionBatch, Protocol):
+    """Motions with labels: `style` and `action` (B,) are label ids of the corpus's context, -1 where unknown."""
+
+    style: Tensor
+    action: Tensor
+
+
+class TextBatch(Protocol):
+    """Captions, and how long their motions last.
+
+    Attributes:
+        words: (B, N) ids START .. END, then PAD.
+        word_count: (B,) of them, START and END included.
+        tags: (B, N) word classes, or None.
+        text_key: (B,) id of the distinct normalized text.
+        frames: (B,) of each motion.
+    """
+
+    words: Tensor
+    word_count: Tensor
+    tags: Tensor | None
+    text_key: Tensor
+    frames: Tensor
+
+
+class PairBatch(TextBatch, MotionBatch, Protocol):
+    """Motions and their captions."""
+
+
+class TokenBatch(TextBatch, Protocol):
+    """Captions and the tokens of their motions: `tokens` (B, S) are codes 0 .. K-1, zero beyond `token_count` (B,)."""
+
+    tokens: Tensor
+    token_count: Tensor
+
+
+class CaptionBatch(TokenBatch, PairBatch, Protocol):
+    """Captions with what they describe; the loss reads the tokens or the features, whichever its model was made for."""
+
+
+def _left_out() -> Any:
+    return None
+
+
+@dataclass(repr=False, eq=False)
 class Batch:
-    """One batch; every field but `clip` is optional.
+    """One batch. What its dataset does not fill is not there: asking for it is an AttributeError that names it.
 
     Attributes:
         clip: (B,) rows of the corpus.
-        motion: (B, T, D) float32 raw features, zero beyond `frames`.
-        frames: (B,) valid frames.
-        words: (B, N) ids START .. END, then PAD; `word_count` (B,) counts START and END; `tags` (B, N).
-        text_key: (B,) id of the distinct normalized text; `caption` (B,) caption row.
-        tokens: (B, S) motion codes 0 .. K-1, zero beyond `token_count` (B,).
-        style, action: (B,) label ids of the corpus's context, -1 where unknown.
+        caption: (B,) caption rows.
+        others: see the protocols above.
     """
 
     clip: Tensor
-    motion: Tensor | None = None
-    frames: Tensor | None = None
-    words: Tensor | None = None
-    word_count: Tensor | None = None
+    motion: Tensor = field(default_factory=_left_out)
+    frames: Tensor = field(default_factory=_left_out)
+    words: Tensor = field(default_factory=_left_out)
+    word_count: Tensor = field(default_factory=_left_out)
     tags: Tensor | None = None
-    text_key: Tensor | None = None
-    caption: Tensor | None = None
-    tokens: Tensor | None = None
-    token_count: Tensor | None = None
-    style: Tensor | None = None
-    action: Tensor | None = None
+    text_key: Tensor = field(default_factory=_left_out)
+    caption: Tensor = field(default_factory=_left_out)
+    tokens: Tensor = field(default_factory=_left_out)
+    token_count: Tensor = field(default_factory=_left_out)
+    style: Tensor = field(default_factory=_left_out)
+    action: Tensor = field(default_factory=_left_out)
+
+    def __post_init__(self) -> None:
+        for name, value in list(vars(self).items()):
+            if value is None:
+                delattr(self, name)
 
     def __len__(self) -> int:
         return len(self.clip)
 
     def to(self, device) -> Batch:
         """The same batch on another device."""
-        moved = {
-            field.name: value.to(device, non_blocking=True)
-            for field in fields(self)
-            if (value := getattr(self, field.name)) is not None
-        }
-        return replace(self, **moved)
+        return Batch(**{name: value.to(device, non_blocking=True) for name, value in vars(self).items()})
 
 
 class Dataset(Protocol):

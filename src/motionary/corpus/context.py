@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.features import UNIT, Codec, Columns, codec, columns, other_columns
 from motionary.language import Vocabulary
 from motionary.motion import Skeleton
 
@@ -23,7 +25,7 @@ class Context:
         skeleton: joints of every motion.
         fps: frames per second of features and of decoded motion.
         codec: name of the feature codec.
-        unit: frames per motion token; lengths are multiples of it.
+        unit: frames per motion token; lengths are multiples of it. Always `motionary.features.UNIT`.
         mean: (D,) float32, mean of the raw features over the training split.
         std: (D,) float32, deviation of the raw features, averaged within each feature group; root
             features and foot contacts divided by 5 (the papers' "scaled by 5").
@@ -49,6 +51,8 @@ class Context:
             if value.ndim != 1 or not np.isfinite(value).all():
                 raise InputError(f"context.{name}", value.shape, "must be a finite vector, one number per feature")
             object.__setattr__(self, name, value)
+        if self.unit != UNIT:
+            raise InputError("context.unit", self.unit, f"must be {UNIT}: networks halve time twice")
         if self.mean.shape != self.std.shape or (self.std <= 0).any():
             raise InputError("context.std", self.std.shape, "must be positive and as long as the mean")
 
@@ -62,10 +66,25 @@ class Context:
         """Most motion tokens that a window has."""
         return self.max_frames // self.unit
 
-    def make_codec(self):
-        """The codec that encodes and decodes this corpus's features."""
-        from motionary.features import codec
+    @cached_property
+    def slices(self) -> Mapping[str, slice]:
+        """Columns of each group of the codec's features."""
+        return self.make_codec().slices
 
+    def columns(self, *names: str) -> Columns:
+        """Columns of groups of features, one group after the other; InputError for one that the codec lacks."""
+        return columns(self.slices, names)
+
+    def other_columns(self, *names: str) -> Columns:
+        """All columns but those of the named groups."""
+        return other_columns(self.slices, names)
+
+    def seen_columns(self, hide_contacts: bool) -> Columns:
+        """What an encoder reads: all columns, or all but the foot contacts, which its decoder then has to predict."""
+        return self.other_columns("contacts") if hide_contacts else self.other_columns()
+
+    def make_codec(self) -> Codec:
+        """The codec that encodes and decodes this corpus's features."""
         return codec(self.codec, self.skeleton)
 
     def to_json(self) -> dict[str, Any]:

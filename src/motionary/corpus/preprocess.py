@@ -29,11 +29,9 @@ from motionary.corpus.windows import Rule, Window
 from motionary.corpus.workers import Encoded, Recipe, clip_labels, encode_clip, in_order
 from motionary.corpus.writing import FrameWriter, RunningStatistics, group_deviation
 from motionary.errors import InputError
-from motionary.features import codec
+from motionary.features import UNIT, codec
 from motionary.language import Sentence, Vocabulary, annotate, mirror_text, sentence_from_tokens
 from motionary.motion import Skeleton
-
-UNIT = 4  # frames per motion token in every system of the papers
 
 
 def preprocess(

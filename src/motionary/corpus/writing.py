@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,7 @@ class RunningStatistics:
         return np.sqrt(self.squares / max(self.count, 1))
 
 
-def group_deviation(deviation: np.ndarray, slices: dict[str, slice]) -> np.ndarray:
+def group_deviation(deviation: np.ndarray, slices: Mapping[str, slice]) -> np.ndarray:
     """(D,) float32: the deviation averaged within each feature group; root and contacts then divided by 5.
 
     This is what HumanML3D releases and its papers call "scaled by 5": dividing by a smaller deviation makes the few

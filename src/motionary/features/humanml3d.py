@@ -15,6 +15,7 @@ velocity changed its sign in the frame where the heading passes 180 degrees.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +51,7 @@ class HumanML3D:
         self.contact_threshold = contact_threshold
         joints = len(skeleton)
         self.dim = 12 * joints - 1
-        self.slices = _slices(joints)
+        self.slices: Mapping[str, slice] = _slices(joints)
         self._order, self._before = bones.chain_order(skeleton)
         self._hips, self._shoulders = skeleton.hips, skeleton.shoulders
         if skeleton.codec_swaps_sides:
@@ -110,6 +111,20 @@ class HumanML3D:
         half, root = _recover_root(features.astype(np.float64))
         sixd = features[:, self.slices["rotations"]].reshape(len(features), joints - 1, 6)
         return Motion(self._place(sixd, half, root), fps, self.skeleton)
+
+    def root_path(self, features: torch.Tensor) -> torch.Tensor:
+        """Ground positions (B, T, 2) in metres of raw features (B, T, dim): the integration of `decode`, for tensors.
+
+        Frame t stands where the velocities of the frames before it lead, each turned by the heading of the frame it
+        leads to (as in the released recovery of positions).
+        """
+        import torch
+
+        previous = torch.nn.functional.pad(features[:, :-1], (0, 0, 1, 0))
+        half = previous[..., 0].cumsum(1)  # half of the heading
+        x, z = previous[..., 1], previous[..., 2]
+        cos, sin = torch.cos(2 * half), torch.sin(2 * half)
+        return torch.stack((cos * x - sin * z, sin * x + cos * z), -1).cumsum(1)
 
     def _half_angles(self, positions: np.ndarray) -> np.ndarray:
         """(T,) half the angle about y that turns the smoothed facing to +z: the released root quaternion's."""

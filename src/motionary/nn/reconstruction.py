@@ -5,13 +5,15 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from motionary.features import Columns
 from motionary.nn.layers import length_mask, masked_mean
 
 
-def feature_weights(features: int, joints: int, position_weight: float) -> Tensor:
-    """(D,) weights of a reconstruction loss, mean 1: local joint positions weigh 1 + position_weight before scaling."""
+def feature_weights(features: int, positions: Columns, position_weight: float) -> Tensor:
+    """(D,) weights of a reconstruction loss, mean 1: the columns of local joint positions weigh 1 + position_weight
+    before scaling."""
     weights = torch.ones(features)
-    weights[4 : 4 + 3 * (joints - 1)] += position_weight
+    weights[positions] += position_weight
     return weights / weights.mean()
 
 
@@ -28,12 +30,13 @@ def distance(difference: Tensor, square_from: float) -> Tensor:
     return torch.where(error < square_from, error, (error.square() / square_from + square_from) / 2)
 
 
-def position_error(decoded: Tensor, raw: Tensor, frames: Tensor, joints: int) -> Tensor:
+def position_error(decoded: Tensor, raw: Tensor, frames: Tensor, positions: Columns) -> Tensor:
     """Mean error of the local joint positions (root and heading removed), in millimetres.
 
-    Compares the features' own local positions, with the root's height; the root joint counts through its height only.
+    Compares raw features' own local positions, in the columns `positions` of all joints but the root.
     """
-    count = joints - 1
-    a, b = decoded[..., 4 : 4 + 3 * count], raw[:, : decoded.shape[1], 4 : 4 + 3 * count]
-    error = (a - b).unflatten(-1, (count, 3)).norm(dim=-1).sum(-1)
-    return 1000 * masked_mean(error / joints, length_mask(frames, decoded.shape[1]))
+    a, b = decoded[..., positions], raw[:, : decoded.shape[1], positions]  # (B, T, 3 (J - 1))
+    count = a.shape[-1] // 3
+    error = (a - b).unflatten(-1, (count, 3)).norm(dim=-1).sum(-1)  # (B, T)
+    # The root is where it is in both: it counts as a joint without error.
+    return 1000 * masked_mean(error / (count + 1), length_mask(frames, decoded.shape[1]))

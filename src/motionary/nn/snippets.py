@@ -2,46 +2,49 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from motionary.features import UNIT, Columns, width
 from motionary.nn.convolutions import Down, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer
 
-CONTACTS = 4  # the last features: both ankles and toes
-UNIT = 4  # frames to a code
-
 
 class SnippetEncoder(nn.Module):
-    """E of Eq. 4.1."""
+    """E of Eq. 4.1.
 
-    def __init__(self, width: int, code_dim: int, hide_contacts: bool, mean: Any, std: Any):
+    Args:
+        channels: between the two convolutions.
+        code_dim: dimensions of a code.
+        seen: columns of the features that it reads.
+        mean, std: of the features, (D,) each.
+    """
+
+    def __init__(self, channels: int, code_dim: int, seen: Columns, mean: np.ndarray, std: np.ndarray):
         super().__init__()
-        self.normalizer = Normalizer(mean, std)
-        self.hidden = CONTACTS if hide_contacts else 0
-        self.first = Down(len(self.normalizer.mean) - self.hidden, width)
-        self.second = Down(width, code_dim)
+        self.normalizer, self.seen = Normalizer(mean, std), seen
+        self.first = Down(width(seen), channels)
+        self.second = Down(channels, code_dim)
         self.output = nn.Linear(code_dim, code_dim)
 
     def forward(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
         """raw (B, T, D), frames (B,) | None -> codes (B, T/4, code_dim), zero beyond the frames."""
-        x, mask = prepare(self.normalizer(raw), frames)
-        x = x[:, : x.shape[1] - self.hidden]
+        x, mask = prepare(self.normalizer(raw), frames)  # (B, D, T)
         half = coarser(mask)
         quarter = coarser(half)
-        codes = self.output(self.second(self.first(x, half), quarter).transpose(1, 2))
+        codes = self.second(self.first(x[:, self.seen], half), quarter)  # (B, code_dim, T/4)
+        codes = self.output(codes.transpose(1, 2))
         return codes if quarter is None else codes * quarter.transpose(1, 2)
 
 
 class SnippetDecoder(nn.Module):
     """D of Eq. 4.1."""
 
-    def __init__(self, width: int, code_dim: int, features: int):
+    def __init__(self, channels: int, code_dim: int, features: int):
         super().__init__()
-        self.first = Up(code_dim, width, transposed=True)
-        self.second = Up(width, features, transposed=True)
+        self.first = Up(code_dim, channels, transposed=True)
+        self.second = Up(channels, features, transposed=True)
         self.output = nn.Linear(features, features)
 
     def forward(self, codes: Tensor, count: Tensor | None = None) -> Tensor:

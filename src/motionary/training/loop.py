@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any
 
 import torch
 from lightning_fabric import Fabric
@@ -16,20 +16,9 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from motionary.corpus.batches import Batch, Batches
+from motionary.systems.trainable import Trainable
 from motionary.training.checkpoint import load_checkpoint, save_checkpoint
 from motionary.training.settings import TrainSettings
-
-
-class System(Protocol):
-    """What a model offers to be trained here (structurally: models know nothing of the loop).
-
-    Optional members: ``validate(batch)`` (defaults to the loss; its "loss" is watched by early stopping),
-    ``parameter_groups(learning_rate)``, ``after_step(step, progress, generator)``, ``after_validation(values)``.
-    """
-
-    def loss(self, batch: Batch, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
-        """A scalar loss and detached values to log; `progress` runs from 0 to 1 over the training."""
-        ...
 
 
 @dataclass
@@ -54,7 +43,7 @@ def rate(settings: TrainSettings, step: int) -> float:
 
 
 def fit(
-    model: nn.Module,
+    model: Trainable,
     train: Batches,
     validation: Batches | None,
     settings: TrainSettings,
@@ -68,9 +57,9 @@ def fit(
     """Trains `model` in place and leaves it in eval mode with the kept weights.
 
     Args:
-        model: a :class:`System`; frozen parts have ``requires_grad`` off.
+        model: what is trained; frozen parts have ``requires_grad`` off.
         train: batches of this process; every epoch and step is a pure function of the seed.
-        validation: batches for :meth:`validate`, or None.
+        validation: batches for its `validate`, or None.
         settings: see :class:`TrainSettings`.
         fabric: devices and precision, from :func:`motionary.training.devices.make_fabric`.
         checkpoint: file to resume from where it exists and to write to; None keeps no checkpoint.
@@ -87,7 +76,18 @@ def fit(
 class _Run:
     """State of one call of :func:`fit`."""
 
-    def __init__(self, model, train, validation, settings, fabric, checkpoint, seed, log, description):
+    def __init__(
+        self,
+        model: Trainable,
+        train: Batches,
+        validation: Batches | None,
+        settings: TrainSettings,
+        fabric: Fabric,
+        checkpoint: Path | None,
+        seed: int,
+        log: Callable[[int, dict[str, float]], None] | None,
+        description: str,
+    ):
         self.model, self.train, self.validation, self.settings = model, train, validation, settings
         self.fabric, self.checkpoint, self.seed, self.description = fabric, checkpoint, seed, description
         self.log = log or (lambda step, values: None)
@@ -160,8 +160,7 @@ class _Run:
             values = {**values, "gradient": nn.utils.clip_grad_norm_(self.parameters, settings.clip)}
         self.optimizer.step()
         self.optimizer.zero_grad(set_to_none=True)
-        if hasattr(self.model, "after_step"):
-            self.model.after_step(self.step, progress, generator)
+        self.model.after_step(self.step, progress, generator)
         self.step += 1
         self._average()
         return {"loss": loss.detach(), "learning_rate": torch.tensor(self.rates[0] * factor), **values}
@@ -198,15 +197,14 @@ class _Run:
         if self.validation is None or len(self.validation) == 0:
             return
         with self._averaged():
-            values = validate(self.model, self.validation, self.fabric.device, self.seed)
+            values = validate(self.model, self.validation, self.fabric.device)
             if values["loss"] < self.best:
                 self.best, self.bad, self.history.best_step = values["loss"], 0, self.step
                 if self.settings.patience:
                     self.kept = {k: v.detach().clone() for k, v in self.model.state_dict().items()}
             else:
                 self.bad += 1
-        if hasattr(self.model, "after_validation"):
-            self.model.after_validation(values)
+        self.model.after_validation(values)
         self.history.validation.append({"step": self.step, **values})
         self.log(self.step, {f"validation/{name}": value for name, value in values.items()})
         if self.settings.patience and self.bad >= self.settings.patience:
@@ -242,31 +240,22 @@ class _Run:
 
 
 @torch.no_grad()
-def validate(model: nn.Module, batches: Batches, device: torch.device | str, seed: int = 0) -> dict[str, float]:
-    """Mean of ``model.validate`` (or of the loss) over `batches`, weighted by items; the model is left in eval mode."""
+def validate(model: Trainable, batches: Batches, device: torch.device | str) -> dict[str, float]:
+    """Mean of ``model.validate`` over `batches`, weighted by items; the model is left in eval mode."""
     model.eval()
     sums: dict[str, float] = {}
     count = 0
-    for number, batch in enumerate(batches.epoch(0)):
+    for batch in batches.epoch(0):
         batch = batch.to(device)
-        if hasattr(model, "validate"):
-            values = cast(Any, model).validate(batch)
-        else:
-            generator = torch.Generator(device).manual_seed(seed * 1_000_003 + number)
-            loss, values = cast(Any, model).loss(batch, 1.0, generator)
-            values = {"loss": loss, **values}
         items = len(batch.clip)
-        for name, value in values.items():
+        for name, value in model.validate(batch).items():
             sums[name] = sums.get(name, 0.0) + float(value) * items
         count += items
     return {name: value / max(1, count) for name, value in sums.items()}
 
 
-def _groups(model: nn.Module, learning_rate: float) -> list[dict[str, Any]]:
-    if hasattr(model, "parameter_groups"):
-        groups = [dict(group) for group in cast(Any, model).parameter_groups(learning_rate)]
-    else:
-        groups = [{"params": model.parameters(), "lr": learning_rate}]
+def _groups(model: Trainable, learning_rate: float) -> list[dict[str, Any]]:
+    groups = [dict(group) for group in model.parameter_groups(learning_rate)]
     for group in groups:
         group["params"] = [p for p in group["params"] if p.requires_grad]
         group.setdefault("lr", learning_rate)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 import torch
 from torch import nn
 
+from motionary.corpus.batches import Batch
 from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.nn.layers import seeded
@@ -53,6 +53,10 @@ def generator(context, **settings) -> MotionGenerator:
 def sentences(context) -> list[Sentence]:
     words = context.vocabulary.words[4:]
     return [Sentence("", words[:n], ("NOUN",) * n) for n in (1, 3, 7, 2, 5, 0, 4)]
+
+
+def changed(batch: Batch, **fields: torch.Tensor) -> Batch:
+    return Batch(**{**vars(batch), **fields})
 
 
 def losses(net: Text2Motion, batch, teacher_forcing: bool = False) -> dict[str, torch.Tensor]:
@@ -171,7 +175,7 @@ def test_padding_and_neighbors_change_nothing(context, batch, batches):
         assert torch.allclose(alone.codes[0], together.codes[row, :n], atol=1e-5)
         assert torch.allclose(alone.prior.mean[0], together.prior.mean[row, :n], atol=1e-5)
         assert torch.allclose(alone.posterior.mean[0], together.posterior.mean[row, :n], atol=1e-5)
-    spoiled = dataclasses.replace(batch, motion=batch.motion.clone())
+    spoiled = changed(batch, motion=batch.motion.clone())
     for row in range(4):
         spoiled.motion[row, int(batch.frames[row]) :] = 100.0
     for name, value in losses(net, batch).items():
@@ -229,10 +233,10 @@ def test_the_curriculum_moves_when_the_reconstruction_rises_or_its_patience_ends
 
 def test_a_stage_trains_on_the_first_codes_only_and_knows_when_the_whole_arrives(context, batch):
     net = model(context, curriculum_start=3)
-    other = dataclasses.replace(batch, motion=batch.motion.clone())
+    other = changed(batch, motion=batch.motion.clone())
     other.motion[:, 20:] += 1.0  # beyond what three codes and the encoder's view of their neighbors hold
     assert losses(net, batch)["reconstruction"].item() == pytest.approx(losses(net, other)["reconstruction"].item())
-    shorter = dataclasses.replace(batch, frames=torch.full((4,), 16))
+    shorter = changed(batch, frames=torch.full((4,), 16))
     assert losses(net, batch)["kl"].item() != pytest.approx(losses(net, shorter)["kl"].item(), rel=1e-6)
     net.loss(batch, 0.6, torch.Generator())
     assert net.curriculum.length == 3
@@ -302,7 +306,7 @@ def test_each_switch_of_table_4_4_changes_what_it_should(context, batch, switch)
     loss.backward()
     assert torch.isfinite(loss)
     assert ("motion" in logs) == (switch != "snippets")
-    retagged = dataclasses.replace(batch, tags=(batch.tags + 1) % 15)
+    retagged = changed(batch, tags=(batch.tags + 1) % 15)
     assert (losses(off, retagged)["code"] == losses(off, batch)["code"]).item() == (switch == "tags")
     made, texts = MotionGenerator(off, generator(context).lengths), sentences(context)
     short, long = (made.generate(texts, range(7), [f] * 7, greedy=True) for f in (8, 24))

@@ -63,7 +63,7 @@ def one(batch: Batch, row: int) -> Batch:
         tokens=batch.tokens[row : row + 1, :n],
         token_count=batch.token_count[row : row + 1],
     )
-    if batch.motion is not None:
+    if "motion" in vars(batch):
         alone.motion, alone.frames = batch.motion[row : row + 1, : 4 * n], batch.frames[row : row + 1]
     return alone
 

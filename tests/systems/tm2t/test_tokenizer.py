@@ -12,7 +12,7 @@ from motionary.errors import InputError
 from motionary.features.humanml3d import recover_positions_torch
 from motionary.nn.layers import seeded
 from motionary.nn.quantizer import Quantizer, usage
-from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig, root_path
+from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
 SMALL = TokenizerConfig(codes=16, code_dim=8, width=24, fine_width=16, decoder_blocks=2, warm_start=0.0)
 
@@ -193,7 +193,7 @@ def test_root_path_is_the_codec_s(context, batches):
     rng = np.random.default_rng(0)
     raw = torch.from_numpy(rng.normal(0, 0.3, (2, 20, 263)).astype(np.float32))
     expected = recover_positions_torch(raw, 22)[:, :, 0, [0, 2]]
-    torch.testing.assert_close(root_path(raw), expected, rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(context.make_codec().root_path(raw), expected, rtol=1e-4, atol=1e-4)
 
 
 def test_trajectory_weight_adds_its_term(context, batch):

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from motionary.corpus.batch import PairBatch
+from motionary.corpus.context import Context
 from motionary.errors import InputError, check_values
+from motionary.features import UNIT
 from motionary.nn.layers import TextEncoder
 from motionary.nn.recurrent import BiGRU
-from motionary.nn.snippets import UNIT, SnippetEncoder
+from motionary.nn.snippets import SnippetEncoder
+from motionary.systems.trainable import Loss, Trainable
 
 LOSSES = ("infonce", "margin")
 
@@ -53,18 +56,18 @@ class EvaluatorConfig:
         check_values("evaluator", self, ("margin", "temperature", "radius"), lambda v: v > 0, "must be positive")
 
 
-class Evaluator(nn.Module):
+class Evaluator(Trainable):
     """Text and motion to vectors that are near where they match.
 
     embed_text(ids (B, N), tags (B, N) | None, count (B,)) -> (B, dim);
     embed_motion(raw (B, T, D), frames (B,)) -> (B, dim). Neither depends on padding or on the rest of the batch.
     """
 
-    def __init__(self, config: EvaluatorConfig, context: Any):
+    def __init__(self, config: EvaluatorConfig, context: Context):
         super().__init__()
         self.config, self.context = config, context
-        sizes = config.snippet_width, config.snippet_dim
-        self.snippets = SnippetEncoder(*sizes, config.hide_contacts, context.mean, context.std).requires_grad_(False)
+        sizes, seen = (config.snippet_width, config.snippet_dim), context.seen_columns(config.hide_contacts)
+        self.snippets = SnippetEncoder(*sizes, seen, context.mean, context.std).requires_grad_(False)
         self.text = TextEncoder(
             len(context.vocabulary), config.word_dim, config.text_width, config.tags, config.dropout
         )
@@ -93,7 +96,7 @@ class Evaluator(nn.Module):
         state = self.motion.last(self.dropout(codes), torch.div(frames, UNIT, rounding_mode="floor"))
         return self._place(self.motion_head(self.dropout(state)))
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: PairBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 8 or InfoNCE, by the config; logs the share of pairs that stand first in the batch."""
         text = self.embed_text(batch.words, batch.tags, batch.word_count)
         motion = self.embed_motion(batch.motion, batch.frames)
@@ -107,12 +110,6 @@ class Evaluator(nn.Module):
             distance = torch.cdist(motion, text).masked_fill(same & ~_diagonal(same), torch.inf)
             first = (distance.argmin(1) == torch.arange(len(text), device=text.device)).float().mean()
         return loss, {"top1": first}
-
-    @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
-        """The loss and the share of pairs that stand first."""
-        loss, logs = self.loss(batch, 1.0, torch.Generator(batch.motion.device).manual_seed(0))
-        return {"loss": loss, **logs}
 
     def _place(self, x: Tensor) -> Tensor:
         return x if self.config.objective == "margin" else self.config.radius * F.normalize(x, dim=-1)

@@ -12,14 +12,15 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from motionary.corpus.batch import LabeledBatch
+from motionary.corpus.context import Context
 from motionary.errors import InputError, check_values
-from motionary.features import codec
+from motionary.features import UNIT
 from motionary.nn.convolutions import Down, ResBlock, coarser, keep
 from motionary.nn.layers import Normalizer, length_mask
 from motionary.nn.padding import by_length, pad
 from motionary.systems.io import load_model, model_hash
-
-STRIDE = 4  # frames of one step of the classifiers
+from motionary.systems.trainable import Trainable
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class Classifier(nn.Module):
         return self.scale * embedding @ F.normalize(self.classes, dim=-1).t()
 
 
-class StyleEvaluator(nn.Module):
+class StyleEvaluator(Trainable):
     """Two classifiers of motion without anything in common: what style, and what content (action).
 
     ``style(raw (B, T, D), frames (B,))`` and ``content(...)`` give logits over the context's styles or actions and
@@ -94,11 +95,11 @@ class StyleEvaluator(nn.Module):
     the same: nothing of a held-out combination of style and action.
     """
 
-    def __init__(self, config: StyleEvaluatorConfig, context: Any):
+    def __init__(self, config: StyleEvaluatorConfig, context: Context):
         super().__init__()
         self.config, self.context = config, context
         self.normalizer = Normalizer(context.mean, context.std)
-        self.groups = sorted(codec(context.codec, context.skeleton).slices.values(), key=lambda part: part.start)
+        self.groups = sorted(context.slices.values(), key=lambda part: part.start)
         self.branches = nn.ModuleDict()
         for name, classes in (("style", context.styles), ("content", context.actions)):
             if config.trained and classes:
@@ -112,7 +113,9 @@ class StyleEvaluator(nn.Module):
         """Logits (B, actions) and features (B, dim)."""
         return self._judge("content", *self._input(raw, frames))
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(
+        self, batch: LabeledBatch, progress: float, generator: torch.Generator
+    ) -> tuple[Tensor, dict[str, Tensor]]:
         """Sum of both cross-entropies over the items whose label is known (-1 is not), with accuracies as logs."""
         x, mask = self._input(batch.motion, batch.frames)
         if self.training:
@@ -127,12 +130,6 @@ class StyleEvaluator(nn.Module):
                 logs[name] = (logits.detach().argmax(-1) == labels[known]).float().mean()
         return total, logs
 
-    @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
-        """The loss without disturbances and both accuracies."""
-        loss, logs = self.loss(batch, 1.0, torch.Generator(batch.motion.device))
-        return {"loss": loss, **logs}
-
     def _judge(self, name: str, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
         if name not in self.branches:
             raise InputError("style_evaluator", name, "was not trained: the corpus has no style labels")
@@ -142,9 +139,9 @@ class StyleEvaluator(nn.Module):
 
     def _input(self, raw: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
         """Normalized features (B, D, T), zero beyond whole steps, and the mask (B, 1, T)."""
-        frames = frames - frames % STRIDE
-        if int(frames.min()) < STRIDE:
-            raise InputError("frames", int(frames.min()), f"a motion needs at least {STRIDE} frames to be judged")
+        frames = frames - frames % UNIT
+        if int(frames.min()) < UNIT:
+            raise InputError("frames", int(frames.min()), f"a motion needs at least {UNIT} frames to be judged")
         longest = int(frames.max())
         mask = length_mask(frames, longest)[:, None].to(raw.dtype)
         return keep(self.normalizer(raw[:, :longest]).transpose(1, 2), mask), mask

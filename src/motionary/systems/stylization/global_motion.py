@@ -5,15 +5,18 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from motionary.corpus.batch import MotionBatch
+from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.nn.convolutions import SLOPE, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.systems.stylization.local_motion import LocalMotion
+from motionary.systems.trainable import Loss, Trainable
 
 
 @dataclass(frozen=True)
@@ -33,15 +36,15 @@ class GlobalMotionConfig:
             raise InputError("global_motion.kernel", self.kernel, "must be odd and positive")
 
 
-class GlobalMotion(nn.Module):
+class GlobalMotion(Trainable):
     """Three convolutions over time, trained on unlabeled motion by mean absolute error."""
 
-    def __init__(self, config: GlobalMotionConfig, context: Any):
+    def __init__(self, config: GlobalMotionConfig, context: Context):
         super().__init__()
         self.config, self.context = config, context
         self.normalizer = Normalizer(context.mean, context.std)
-        self.root = context.make_codec().slices["root_linear"].stop
-        channels = [context.dim - self.root, config.width, config.width, self.root]
+        self.parts = LocalMotion(context)
+        channels = [self.parts.dim, config.width, config.width, self.parts.root_dim]
         self.layers = nn.ModuleList(
             nn.Conv1d(inputs, outputs, config.kernel, padding=config.kernel // 2)
             for inputs, outputs in itertools.pairwise(channels)
@@ -57,20 +60,21 @@ class GlobalMotion(nn.Module):
             x = keep(F.leaky_relu(layer(x), SLOPE), mask)
         return keep(self.layers[-1](x), mask).transpose(1, 2)
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
         """Mean absolute error of the normalized velocities over valid frames."""
         away, mask = self._away(batch)
         return masked_mean(away.abs(), mask), {}
 
     @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: MotionBatch) -> dict[str, Tensor]:
         """The loss, and the error of the root's horizontal speed in m/s."""
         away, mask = self._away(batch)
-        speed = (away[..., 1:] * self.normalizer.std[1 : self.root]).norm(dim=-1) * self.context.fps
+        ground = away[..., 1:] * self.normalizer.std[self.parts.root][1:]  # (B, T, 2): the first turns
+        speed = ground.norm(dim=-1) * self.context.fps
         return {"loss": masked_mean(away.abs(), mask), "speed_error": masked_mean(speed, mask)}
 
-    def _away(self, batch: Any) -> tuple[Tensor, Tensor]:
+    def _away(self, batch: MotionBatch) -> tuple[Tensor, Tensor]:
         """Predicted less true velocities (B, T, 3), normalized, and the mask (B, T) of valid frames."""
         known = self.normalizer(batch.motion)
-        predicted = self(known[..., self.root :], batch.frames)
-        return predicted - known[..., : self.root], length_mask(batch.frames, known.shape[1])
+        predicted = self(known[..., self.parts.local], batch.frames)
+        return predicted - known[..., self.parts.root], length_mask(batch.frames, known.shape[1])

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from motionary.corpus.batch import MotionBatch
+from motionary.corpus.context import Context
 from motionary.errors import InputError, check_values
+from motionary.features import UNIT
 from motionary.nn.convolutions import Down, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
 from motionary.nn.reconstruction import position_error
-from motionary.nn.snippets import UNIT, prepare
+from motionary.nn.snippets import prepare
+from motionary.systems.stylization.local_motion import LocalMotion
+from motionary.systems.trainable import Loss, Trainable
 
 VARIANTS = ("V", "A", "none")
 LARGEST = 4.0  # of a log-variance, either way: beyond, one odd clip's noise throws the whole training off
@@ -44,7 +48,7 @@ class LatentsConfig:
         check_values("latents", self, ("kl", "sparsity", "smoothness"), lambda v: v >= 0, "must not be negative")
 
 
-class Latents(nn.Module):
+class Latents(Trainable):
     """E and D of thesis 5.2.1: local motion <-> codes. Channels come first inside: codes are (B, D_z, T/4).
 
     Local motion is the codec's features without the root's three velocities: 260 of HumanML3D's 263, which stand in
@@ -55,12 +59,12 @@ class Latents(nn.Module):
         dim: channels of a code.
     """
 
-    def __init__(self, config: LatentsConfig, context: Any):
+    def __init__(self, config: LatentsConfig, context: Context):
         super().__init__()
         self.config, self.context = config, context
         self.normalizer = Normalizer(context.mean, context.std)
-        self.root = context.make_codec().slices["root_linear"].stop  # the root's velocities come first
-        self.local_dim = context.dim - self.root
+        self.parts, self.positions = LocalMotion(context), context.columns("positions")
+        self.local_dim = self.parts.dim
         self.dim = UNIT * self.local_dim if config.variant == "none" else config.code_dim
         if config.variant == "none":
             return
@@ -72,11 +76,15 @@ class Latents(nn.Module):
 
     def local(self, raw: Tensor) -> Tensor:
         """Raw features (..., D) -> normalized local motion (..., local_dim)."""
-        return self.normalizer(raw)[..., self.root :]
+        return self.normalizer(raw)[..., self.parts.local]
+
+    def root(self, raw: Tensor) -> Tensor:
+        """Raw features (..., D) -> the root's normalized velocities (..., 3): angular, x and z."""
+        return self.normalizer(raw)[..., self.parts.root]
 
     def raw(self, root: Tensor, local: Tensor) -> Tensor:
         """Normalized root velocities (..., 3) and local motion (..., local_dim) -> raw features (..., D)."""
-        return self.normalizer.inverse(torch.cat([root, local], -1))
+        return self.normalizer.inverse(self.parts.join(root, local))
 
     def encode(self, local: Tensor, frames: Tensor | None = None) -> Tensor:
         """E: normalized local motion (B, T, local_dim) -> codes (B, dim, T/4), V's means; zero beyond the frames."""
@@ -91,18 +99,17 @@ class Latents(nn.Module):
         x = self.up_first(keep(codes, quarter), half)
         return keep(self.up_second(x), finer(half)).transpose(1, 2)
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
         """L1 reconstruction plus the variant's penalty, as means over valid frames and features (steps and channels)
         in place of sums."""
         return self._loss(batch, generator)[:2]
 
     @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: MotionBatch) -> dict[str, Tensor]:
         """The loss with V's means for draws, its terms and the error of the joints' local positions in millimeters."""
         loss, terms, local = self._loss(batch, None)
-        root = self.normalizer(batch.motion[:, : local.shape[1]])[..., : self.root]
-        decoded = self.raw(root, local)
-        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, len(self.context.skeleton.joints))
+        decoded = self.raw(self.root(batch.motion[:, : local.shape[1]]), local)
+        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, self.positions)
         return {"loss": loss, **terms, "position_mm": error}
 
     def _posterior(self, local: Tensor, frames: Tensor | None) -> tuple[Tensor, Tensor | None]:
@@ -124,7 +131,7 @@ class Latents(nn.Module):
         assert self.second.bias is not None
         return self.second.weight[: self.dim], self.second.bias[: self.dim]
 
-    def _loss(self, batch: Any, generator: torch.Generator | None) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+    def _loss(self, batch: MotionBatch, generator: torch.Generator | None) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         local = self.local(batch.motion)
         codes, log_variance = self._posterior(local, batch.frames)
         count = torch.div(batch.frames, UNIT, rounding_mode="floor")

@@ -10,11 +10,11 @@ import torch
 from torch import Tensor
 
 from motionary.errors import InputError
+from motionary.features import UNIT
 from motionary.nn.convolutions import coarser, keep
 from motionary.nn.layers import length_mask
 from motionary.nn.noise import normal_noise
 from motionary.nn.padding import by_length, pad
-from motionary.nn.snippets import UNIT
 from motionary.systems.stylization.global_motion import GlobalMotion
 from motionary.systems.stylization.stylizer import STRIDE, Stylizer
 
@@ -149,10 +149,7 @@ class StyleTransfer:
             made = codes + strength * (keep(made, mask) - codes)
         frames = frames.to(self.device)
         local = model.latents.decode(made, frames // UNIT)
-        if predict_root:
-            root = self.global_motion(local, frames)
-        else:
-            root = model.latents.normalizer(raw.to(self.device))[..., : model.latents.root]
+        root = self.global_motion(local, frames) if predict_root else model.latents.root(raw.to(self.device))
         return model.latents.raw(root, local).float().cpu().numpy()
 
     def _encode(self, model: Stylizer, raw: Tensor, frames: Tensor) -> tuple[Tensor, Tensor | None]:

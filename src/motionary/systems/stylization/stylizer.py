@@ -5,17 +5,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from motionary.corpus.batch import LabeledBatch
+from motionary.corpus.context import Context
 from motionary.errors import InputError, check_values
+from motionary.features import UNIT
 from motionary.nn.convolutions import coarser, keep
 from motionary.nn.layers import length_mask
-from motionary.nn.snippets import UNIT
 from motionary.systems.stylization.latents import Latents, LatentsConfig
 from motionary.systems.stylization.style_networks import ContentEncoder, Generator, StyleEncoder
+from motionary.systems.trainable import Trainable
 
 SETTINGS = ("supervised", "unsupervised")
 STRIDE = 2 * UNIT  # frames of one step of content
@@ -59,13 +61,13 @@ class StylizationConfig:
         check_values("stylization", self, weights, lambda v: v >= 0, "must not be negative")
 
 
-class Stylizer(nn.Module):
+class Stylizer(Trainable):
     """Content encoder, style encoder and generator between the frozen encoder and decoder of motion codes.
 
     The autoencoder is part of the saved model and never trained: no gradient of its weights is computed.
     """
 
-    def __init__(self, config: StylizationConfig, context: Any):
+    def __init__(self, config: StylizationConfig, context: Context):
         super().__init__()
         self.config, self.context = config, context
         self.latents = Latents(LatentsConfig(config.variant, config.latent_width, config.code_dim), context)
@@ -91,7 +93,9 @@ class Stylizer(nn.Module):
         """(B,) labels for the networks; None in the unsupervised scheme."""
         return style if self.config.labels else None
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(
+        self, batch: LabeledBatch, progress: float, generator: torch.Generator
+    ) -> tuple[Tensor, dict[str, Tensor]]:
         """L_rec + lambda_hsa L_hsa + lambda_cyc L_cyc + lambda_kl L_kl (Eq. 5.1-5.4) of a batch of triples: all z1,
         then all z2 of the same clips, then all z3."""
         frames = batch.frames // STRIDE * STRIDE
@@ -135,12 +139,6 @@ class Stylizer(nn.Module):
         loss = terms["reconstruction"] + c.hsa * terms["hsa"] + c.cycle * terms["cycle"] + c.kl * terms["kl"]
         return loss, {name: value.detach() for name, value in terms.items()}
 
-    @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
-        """The loss and its terms, with draws from one seed."""
-        loss, terms = self.loss(batch, 1.0, torch.Generator(batch.motion.device).manual_seed(0))
-        return {"loss": loss, **terms}
-
     def _generate(self, content: Tensor, style: Tensor, label: Tensor | None, mask: Tensor) -> Tensor:
         made = self.generator(content, self.generator.style(style, label), coarser(mask))
         return keep(made, mask)
@@ -168,7 +166,7 @@ def divergence(
     return 0.5 * (ratio.exp() + away - 1 - ratio).mean(-1)
 
 
-def trainable(settings: Sequence[str], context: Any) -> list[str]:
+def trainable(settings: Sequence[str], context: Context) -> list[str]:
     """The settings of the list that can be trained: a corpus without style labels leaves out "supervised", and says
     so on standard error. InputError for an unknown setting, or where nothing is left."""
     for setting in settings:

@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from motionary.corpus.batch import MotionBatch
+from motionary.corpus.context import Context
 from motionary.errors import InputError
+from motionary.features import UNIT
 from motionary.nn.layers import length_mask, masked_mean
 from motionary.nn.reconstruction import distance, feature_weights, position_error
-from motionary.nn.snippets import UNIT, SnippetDecoder, SnippetEncoder
+from motionary.nn.snippets import SnippetDecoder, SnippetEncoder
+from motionary.systems.trainable import Loss, Trainable
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class AutoencoderConfig:
         return {"snippet_width": self.width, "snippet_dim": self.code_dim, "hide_contacts": self.hide_contacts}
 
 
-class Autoencoder(nn.Module):
+class Autoencoder(Trainable):
     """Snippet codes and back (Eq. 4.1). Features cross its borders raw.
 
     encode(raw (B, T, D), frames (B,)) -> codes (B, T/4, code_dim); decode(codes, count (B,)) -> raw (B, 4S, D).
@@ -51,14 +55,15 @@ class Autoencoder(nn.Module):
 
     weights: Tensor
 
-    def __init__(self, config: AutoencoderConfig, context: Any):
+    def __init__(self, config: AutoencoderConfig, context: Context):
         super().__init__()
         self.config, self.context = config, context
-        self.encoder = SnippetEncoder(config.width, config.code_dim, config.hide_contacts, context.mean, context.std)
+        seen = context.seen_columns(config.hide_contacts)
+        self.encoder = SnippetEncoder(config.width, config.code_dim, seen, context.mean, context.std)
         features = len(self.encoder.normalizer.mean)
         self.decoder = SnippetDecoder(config.width, config.code_dim, features)
-        self.joints = len(context.skeleton.joints)
-        weights = feature_weights(features, self.joints, config.position_weight)
+        self.positions = context.columns("positions")
+        weights = feature_weights(features, self.positions, config.position_weight)
         self.register_buffer("weights", weights, persistent=False)
 
     def encode(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
@@ -69,11 +74,11 @@ class Autoencoder(nn.Module):
         """Raw features of snippet codes."""
         return self.encoder.normalizer.inverse(self.decoder(codes, count))
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 4.2, as means over valid frames and features (codes and dimensions) in place of sums."""
         return self._loss(batch)[:2]
 
-    def _loss(self, batch: Any) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+    def _loss(self, batch: MotionBatch) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         codes = self.encode(batch.motion, batch.frames)
         count = torch.div(batch.frames, UNIT, rounding_mode="floor")
         output = self.decoder(codes, count)
@@ -91,9 +96,9 @@ class Autoencoder(nn.Module):
         return loss, {name: value.detach() for name, value in terms.items()}, output
 
     @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: MotionBatch) -> dict[str, Tensor]:
         """The loss, its terms and the position error in millimetres."""
         loss, terms, output = self._loss(batch)
         decoded = self.encoder.normalizer.inverse(output)
-        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, self.joints)
+        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, self.positions)
         return {"loss": loss, **terms, "position_mm": error}

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from motionary.corpus.batch import TextBatch
 from motionary.corpus.context import Context
 from motionary.errors import InputError, check_values
 from motionary.language import END, UNKNOWN, Sentence
 from motionary.nn.decoding import Sampling
 from motionary.nn.layers import TextEncoder
 from motionary.systems.requests import encode_sentences
+from motionary.systems.trainable import Loss, Trainable
 
 LENGTH_STREAM = 1  # beside a generation's own seed, so that drawing a length leaves the motion's noise alone
 
@@ -47,7 +48,7 @@ class Text2LengthConfig:
             raise InputError("text2length.spread", self.spread, "must not be negative (0: only the true length)")
 
 
-class Text2Length(nn.Module):
+class Text2Length(Trainable):
     """p(T | sentence) over T = 1 .. T_max units; T_max is the longest window of the corpus."""
 
     def __init__(self, config: Text2LengthConfig, context: Context):
@@ -69,7 +70,7 @@ class Text2Length(nn.Module):
         """words (B, N), tags (B, N) | None, count (B,) -> logits (B, T_max), column k for k + 1 units."""
         return self.head(self.text.sentence(words, tags, count))
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: TextBatch, progress: float, generator: torch.Generator) -> Loss:
         """Cross-entropy with the true length, or with a bell around it (`spread`)."""
         words = hide_words(batch.words, self.config.word_dropout, generator) if self.training else batch.words
         logits, target = self(words, batch.tags, batch.word_count), self._target(batch)
@@ -81,13 +82,13 @@ class Text2Length(nn.Module):
         return F.cross_entropy(logits, bell), {"nll": nll.detach()}
 
     @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: TextBatch) -> dict[str, Tensor]:
         """Negative log-likelihood in nats, and the share of lengths within one unit of the likeliest."""
         logits, target = self(batch.words, batch.tags, batch.word_count), self._target(batch)
         near = (logits.argmax(-1) - target).abs() <= 1
         return {"loss": F.cross_entropy(logits, target), "within_1": near.float().mean()}
 
-    def _target(self, batch: Any) -> Tensor:
+    def _target(self, batch: TextBatch) -> Tensor:
         units = torch.div(batch.frames, self.context.unit, rounding_mode="floor")
         return units.clamp(1, self.context.max_tokens) - 1
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from motionary.corpus.batch import PairBatch
 from motionary.corpus.context import Context
 from motionary.errors import check_values
 from motionary.nn.layers import length_mask, masked_mean
@@ -16,6 +17,7 @@ from motionary.nn.snippets import SnippetDecoder, SnippetEncoder
 from motionary.systems.t2m.curriculum import Curriculum
 from motionary.systems.t2m.temporal_vae import TemporalVAE, Unroll, divergence
 from motionary.systems.t2m.text2length import hide_words
+from motionary.systems.trainable import Loss, Trainable
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ class Text2MotionConfig:
         check_values("text2motion", self, weights, lambda v: v >= 0, "must not be negative")
 
 
-class Text2Motion(nn.Module):
+class Text2Motion(Trainable):
     """p(motion | sentence, length): the temporal VAE between a frozen snippet encoder and a fine-tuned decoder.
 
     encode(raw (B, T, D), frames (B,)) -> codes (B, S, c); decode(codes, count (B,)) -> raw (B, T', D). A code stands
@@ -90,8 +92,8 @@ class Text2Motion(nn.Module):
     def __init__(self, config: Text2MotionConfig, context: Context):
         super().__init__()
         self.config, self.context = config, context
-        sizes = config.snippet_width, config.snippet_dim
-        self.encoder = SnippetEncoder(*sizes, config.hide_contacts, context.mean, context.std).requires_grad_(False)
+        sizes, seen = (config.snippet_width, config.snippet_dim), context.seen_columns(config.hide_contacts)
+        self.encoder = SnippetEncoder(*sizes, seen, context.mean, context.std).requires_grad_(False)
         self.decoder = SnippetDecoder(*sizes, context.dim) if config.snippets else None
         self.stride = context.unit if config.snippets else 1
         code = config.snippet_dim if config.snippets else context.dim
@@ -134,7 +136,7 @@ class Text2Motion(nn.Module):
         """Raw features of what :meth:`encode` gave."""
         return self.encoder.normalizer.inverse(codes if self.decoder is None else self.decoder(codes, count))
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: PairBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 4.6 over the codes of the curriculum's stage, one teacher-forcing coin per sequence."""
         if self.config.curriculum_share:
             self.curriculum.at_least(progress / self.config.curriculum_share)
@@ -143,7 +145,7 @@ class Text2Motion(nn.Module):
         return self._loss(batch, words, coins < self.config.teacher_forcing, generator)
 
     @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: PairBatch) -> dict[str, Tensor]:
         """Eq. 4.6 where every sequence reads its own codes, with fixed noise; "reconstruction" moves the curriculum.
 
         The losses of different stages cannot be compared: train with patience=0.
@@ -157,7 +159,7 @@ class Text2Motion(nn.Module):
         self.curriculum.observe(values["reconstruction"])
 
     def _loss(
-        self, batch: Any, words: Tensor, forced: Tensor, generator: torch.Generator
+        self, batch: PairBatch, words: Tensor, forced: Tensor, generator: torch.Generator
     ) -> tuple[Tensor, dict[str, Tensor]]:
         length = torch.div(batch.frames, self.stride, rounding_mode="floor")
         stage = self.curriculum.length * (self.context.unit // self.stride)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from motionary.corpus.batch import TokenBatch
 from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.systems.tm2t.motion2text import Motion2Text
 from motionary.systems.tm2t.text2token import Text2Token, Text2TokenConfig
 from motionary.systems.tm2t.token_gru import TokenGRU
+from motionary.systems.trainable import Loss
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class InverseAlignment(Text2Token):
             raise InputError("models/motion2text", "vocabulary", "must be that of text2token")
         self._reader = (reader.eval().requires_grad_(False),)
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: TokenBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 7: the tokens' loss plus the loss of the captions given the sampled tokens."""
         loss, logs = super().loss(batch, progress, generator)
         if not self.config.alignment:
@@ -73,7 +75,7 @@ class InverseAlignment(Text2Token):
         total = loss + self.config.caption_weight * caption
         return total, {**logs, "caption_nll": caption.detach(), "sampled_tokens": length}
 
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: TokenBatch) -> dict[str, Tensor]:
         """The tokens' loss and, with fixed noise, the captions'; "loss" is what is trained.
 
         The control is read too where there is a reader, so that both can be compared by the captions' loss.
@@ -81,12 +83,12 @@ class InverseAlignment(Text2Token):
         values = super().validate(batch)
         if not self.config.alignment and not self._reader:
             return values
-        generator = torch.Generator(batch.clip.device).manual_seed(0)
+        generator = torch.Generator(batch.words.device).manual_seed(0)
         caption, _ = self.caption_loss(batch, generator)
         total = values["loss"] + self.config.caption_weight * caption if self.config.alignment else values["loss"]
         return {"loss": total, "token_nll": values["loss"], "caption_nll": caption}
 
-    def caption_loss(self, batch: Any, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    def caption_loss(self, batch: TokenBatch, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Mean loss per word of the captions, given tokens that this model samples for them; and their mean length.
 
         Gradients reach this model through the one-hot samples and, for the choice of the end, through the sequence

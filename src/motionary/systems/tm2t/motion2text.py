@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from motionary.corpus.batch import CaptionBatch
 from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.language import PAD
 from motionary.nn.layers import Normalizer, length_mask
 from motionary.nn.transformer import Cache, TokenTransformer
+from motionary.systems.trainable import Trainable
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Motion2TextConfig:
     most_words: int = 30
 
 
-class Motion2Text(nn.Module):
+class Motion2Text(Trainable):
     """p(words | motion tokens). Tokens K, K + 1 and K + 2 are start, end and padding of a motion.
 
     Word embedding and output projection share their weights.
@@ -116,7 +117,7 @@ class Motion2Text(nn.Module):
         positions = (frames + size - 1) // size
         return self.source(motion.unflatten(1, (-1, size)).flatten(2)), length_mask(positions, motion.shape[1] // size)
 
-    def source_of(self, batch: Any) -> tuple[Tensor, Tensor]:
+    def source_of(self, batch: CaptionBatch) -> tuple[Tensor, Tensor]:
         """Embedded source and its mask, from a batch's tokens or features."""
         if not self.config.tokens:
             return self.embed_motion(batch.motion, batch.frames)
@@ -149,13 +150,15 @@ class Motion2Text(nn.Module):
         )
         return losses, targets != PAD
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(
+        self, batch: CaptionBatch, progress: float, generator: torch.Generator
+    ) -> tuple[Tensor, dict[str, Tensor]]:
         """Mean of Eq. 4 over all words of the batch."""
         losses, valid = self.nll(*self.source_of(batch), batch.words, self.config.label_smoothing)
         loss = losses.sum() / valid.sum()
         return loss, {"caption_nll": loss.detach()}
 
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: CaptionBatch) -> dict[str, Tensor]:
         """The unsmoothed loss per word."""
         losses, valid = self.nll(*self.source_of(batch), batch.words)
         return {"loss": losses.sum() / valid.sum()}

@@ -9,6 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from motionary.corpus.batch import TokenBatch
 from motionary.corpus.context import Context
 from motionary.errors import InputError, check_values
 from motionary.language import END, UNKNOWN
@@ -16,6 +17,7 @@ from motionary.nn.decoding import Sampling
 from motionary.nn.layers import WordEmbedding, length_mask
 from motionary.nn.transformer import Cache, TokenTransformer
 from motionary.systems.tm2t.token_gru import TokenGRU
+from motionary.systems.trainable import Loss, Trainable
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class TransformerTokens(nn.Module):
         return cache.reorder(index)
 
 
-class Text2Token(nn.Module):
+class Text2Token(Trainable):
     """p(motion tokens | sentence). Tokens K, K + 1 and K + 2 are start, end and padding."""
 
     def __init__(self, config: Text2TokenConfig, context: Context):
@@ -134,7 +136,7 @@ class Text2Token(nn.Module):
             )  # fmt: skip
 
     def nll(
-        self, batch: Any, free: Tensor | None = None, generator: torch.Generator | None = None
+        self, batch: TokenBatch, free: Tensor | None = None, generator: torch.Generator | None = None
     ) -> tuple[Tensor, Tensor]:
         """Negative log-likelihood (B, S + 1) of each token and the end, zero at padding, and the mask of those.
 
@@ -157,7 +159,7 @@ class Text2Token(nn.Module):
         )
         return losses, valid
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: TokenBatch, progress: float, generator: torch.Generator) -> Loss:
         """Mean over all tokens of the batch, with scheduled teacher forcing, one coin per sequence."""
         first, last = self.config.teacher_forcing_start, self.config.teacher_forcing_end
         forcing = first + (last - first) * progress
@@ -167,12 +169,12 @@ class Text2Token(nn.Module):
         loss = losses.sum() / valid.sum()
         return loss, {"token_nll": loss.detach(), "teacher_forcing": torch.tensor(forcing)}
 
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: TokenBatch) -> dict[str, Tensor]:
         """The teacher-forced loss per token."""
         losses, valid = self.nll(batch)
         return {"loss": losses.sum() / valid.sum()}
 
-    def _sentences(self, batch: Any, generator: torch.Generator | None) -> tuple[Tensor, Tensor | None, Tensor]:
+    def _sentences(self, batch: TokenBatch, generator: torch.Generator | None) -> tuple[Tensor, Tensor | None, Tensor]:
         words, tags, count = batch.words, batch.tags, batch.word_count
         if self.training and self.config.word_dropout:
             hidden = torch.rand(words.shape, generator=generator, device=words.device) < self.config.word_dropout

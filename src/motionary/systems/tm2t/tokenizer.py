@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional as F
 
+from motionary.corpus.batch import MotionBatch
+from motionary.corpus.context import Context
 from motionary.errors import InputError
+from motionary.features import UNIT, width
 from motionary.nn.convolutions import Down, ResBlock, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
 from motionary.nn.quantizer import KINDS, Quantizer, usage
 from motionary.nn.reconstruction import distance, feature_weights, position_error
-from motionary.nn.snippets import CONTACTS, UNIT, prepare
+from motionary.nn.snippets import prepare
+from motionary.systems.trainable import Loss, Trainable
 
 
 @dataclass(frozen=True)
@@ -132,24 +134,22 @@ def _stack(width: int, blocks: int, dilation: int) -> nn.ModuleList:
     return nn.ModuleList(ResBlock(width, dilation**n) for n in range(blocks))
 
 
-class Tokenizer(nn.Module):
+class Tokenizer(Trainable):
     """Motion tokens and back (Eq. 2). Features cross its borders raw; foot contacts never reach the encoder."""
 
     weights: Tensor
 
-    def __init__(self, config: TokenizerConfig, context: Any):
+    def __init__(self, config: TokenizerConfig, context: Context):
         super().__init__()
-        if context.unit != UNIT:
-            raise InputError("context.unit", context.unit, f"two halvings make a token of {UNIT} frames")
         self.config, self.context = config, context
         self.normalizer = Normalizer(context.mean, context.std)
         features = len(self.normalizer.mean)
-        self.hidden = CONTACTS if config.hide_contacts else 0
-        self.encoder = TokenEncoder(config, features - self.hidden)
+        self.seen, self.codec = context.seen_columns(config.hide_contacts), context.make_codec()
+        self.encoder = TokenEncoder(config, width(self.seen))
         self.quantizer = Quantizer(config.codes, config.code_dim, config.quantizer, config.decay, config.dead)
         self.decoder = TokenDecoder(config, features)
-        self.joints = len(context.skeleton.joints)
-        weights = feature_weights(features, self.joints, config.position_weight)
+        self.positions = context.columns("positions")
+        weights = feature_weights(features, self.positions, config.position_weight)
         self.register_buffer("weights", weights, persistent=False)
 
     @torch.no_grad()
@@ -170,7 +170,7 @@ class Tokenizer(nn.Module):
         """Every code decoded alone: raw segments (K, 4, D), the local contexts of Fig. 3 and 9."""
         return self.decode(torch.arange(self.quantizer.count, device=self.normalizer.mean.device)[:, None])
 
-    def loss(self, batch: Any, progress: float, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 3 as means over valid frames and features, with the config's extra terms."""
         config = self.config
         warm = self.training and progress < config.warm_start
@@ -184,11 +184,11 @@ class Tokenizer(nn.Module):
         return total, terms
 
     @torch.no_grad()
-    def validate(self, batch: Any) -> dict[str, Tensor]:
+    def validate(self, batch: MotionBatch) -> dict[str, Tensor]:
         """The loss, its terms and the error of the local joint positions in millimetres."""
         total, terms, output = self._loss(batch, False, False)
         decoded = self.normalizer.inverse(output)
-        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, self.joints)
+        error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, self.positions)
         return {**terms, "loss": total, "position_mm": error}
 
     def after_step(self, step: int, progress: float, generator: torch.Generator) -> None:
@@ -198,9 +198,9 @@ class Tokenizer(nn.Module):
 
     def _latents(self, raw: Tensor, frames: Tensor | None) -> Tensor:
         x, mask = prepare(self.normalizer(raw), frames)
-        return self.encoder(x[:, : x.shape[1] - self.hidden], mask)
+        return self.encoder(x[:, self.seen], mask)
 
-    def _loss(self, batch: Any, warm: bool, frozen: bool) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+    def _loss(self, batch: MotionBatch, warm: bool, frozen: bool) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         config = self.config
         count = batch.frames // UNIT
         with torch.set_grad_enabled(torch.is_grad_enabled() and not frozen):
@@ -231,18 +231,5 @@ class Tokenizer(nn.Module):
     def _trajectory(self, output: Tensor, raw: Tensor, mask: Tensor) -> Tensor:
         """Mean distance on the ground between decoded and true roots, integrated from the first frame, in metres."""
         decoded = self.normalizer.inverse(output)
-        difference = root_path(decoded) - root_path(raw)
+        difference = self.codec.root_path(decoded) - self.codec.root_path(raw)
         return masked_mean((difference.square().sum(-1) + 1e-8).sqrt(), mask)
-
-
-def root_path(raw: Tensor) -> Tensor:
-    """Root features (B, T, D) -> ground positions (B, T, 2) in metres: the codec's integration, differentiable.
-
-    Frame t stands where the velocities of the frames before it lead, each turned by the heading of the frame it
-    leads to (as in the released recovery of positions).
-    """
-    previous = F.pad(raw[:, :-1], (0, 0, 1, 0))
-    half = previous[..., 0].cumsum(1)  # the codec's root angle: half of the heading
-    x, z = previous[..., 1], previous[..., 2]
-    cos, sin = torch.cos(2 * half), torch.sin(2 * half)
-    return torch.stack((cos * x - sin * z, sin * x + cos * z), -1).cumsum(1)
