@@ -77,6 +77,14 @@ def test_features_stand_in_for_absent_joints(release, tmp_path, motion_of):
     assert abs(height - expected[:, 0, 1].mean()) < 0.1
 
 
+@pytest.mark.parametrize("width", [262, 264])
+def test_other_features_than_the_releases_are_refused(release, tmp_path, width):
+    np.save(release / "new_joint_vecs" / "000005.npy", np.zeros((120, width), np.float32))
+    report, _ = build(release, tmp_path / "out")
+    assert report["problem_count"] == 1
+    assert "(T, 263) or (T, 251) features" in report["problems"][0]["rule"]
+
+
 def test_kit_ml_has_21_joints_in_millimetres_at_its_own_rate(tmp_path):
     root, skeleton = tmp_path / "KIT-ML", Skeleton.named("kit21")
     for folder in ("new_joints", "texts"):

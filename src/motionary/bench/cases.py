@@ -21,6 +21,7 @@ from motionary.bench.style import stylization, stylize
 from motionary.bench.temporal import prompts, text2length, text2motion
 from motionary.bench.use import first_frame, page, shell
 from motionary.bench.workload import Case, Work, clock, noise, training_step
+from motionary.features import UNIT
 
 # Modules of the project are imported by the case that needs them: one that is absent is then reported as such, and
 # the others still run in as little memory as they need.
@@ -37,7 +38,7 @@ def _features(shapes: Shapes) -> Work:
 def _recover(shapes: Shapes) -> Work:
     from motionary.features.humanml3d import recover_positions
 
-    features = make_batch(1, 4 * shapes.tokens).motion[0].numpy()
+    features = make_batch(1, UNIT * shapes.tokens).motion[0].numpy()
     return Work(lambda: recover_positions(features, 22))
 
 
@@ -55,7 +56,7 @@ def _tokenizer(shapes: Shapes) -> Work:
     model = _tokenizer_model(shapes, make_context(shapes)).train()
     one, batch = make_batch(1, shapes.window), make_batch(shapes.windows, shapes.window)
     flops = shapes.windows * convolution_flops(model, lambda: model.loss(one, 0.5, noise()))
-    flops += 2 * shapes.windows * (shapes.window // 4) * shapes.codes * shapes.width  # of the nearest codes
+    flops += 2 * shapes.windows * (shapes.window // UNIT) * shapes.codes * shapes.width  # of the nearest codes
     before = matmul_rate(shapes.matmul)
 
     def note(seconds: float) -> str:
@@ -151,7 +152,7 @@ def _texts(shapes: Shapes) -> Work:
     model = Text2Token(Text2TokenConfig(**_generator_settings(shapes)), context)
     generator = TokenGenerator(model, _tokenizer_model(shapes, context).eval())
     sentences = make_sentences(shapes, shapes.texts)
-    frames = [4 * shapes.tokens] * shapes.texts  # random weights would end at random
+    frames = [UNIT * shapes.tokens] * shapes.texts  # random weights would end at random
     return Work(lambda: generator.generate(sentences, list(range(shapes.texts)), frames))
 
 
@@ -163,7 +164,7 @@ def _evaluator(shapes: Shapes) -> Work:
         dropout=0.0, objective="margin", snippet_width=shapes.snippet_width, snippet_dim=shapes.snippet_width,
     )  # fmt: skip
     model = Evaluator(config, make_context(shapes))
-    batch = make_batch(shapes.pairs, 4 * shapes.tokens, shapes.words, vocabulary=shapes.vocabulary)
+    batch = make_batch(shapes.pairs, UNIT * shapes.tokens, shapes.words, vocabulary=shapes.vocabulary)
     return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 

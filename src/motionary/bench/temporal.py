@@ -7,6 +7,7 @@ import torch
 from motionary.bench.made import make_batch, make_context, make_sentences
 from motionary.bench.shapes import Shapes
 from motionary.bench.workload import Work, noise, training_step
+from motionary.features import UNIT
 
 
 def text2length(shapes: Shapes) -> Work:
@@ -17,7 +18,7 @@ def text2length(shapes: Shapes) -> Work:
     model = Text2Length(config, make_context(shapes))
     # Captions have 12 words on average (thesis 4.3), here from 3 to 20; the model computes no padding.
     batch = make_batch(shapes.batch, words=shapes.words, vocabulary=shapes.vocabulary, least_words=4)
-    batch.frames = torch.full((shapes.batch,), 4 * shapes.tokens)
+    batch.frames = torch.full((shapes.batch,), UNIT * shapes.tokens)
     return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
@@ -29,13 +30,13 @@ def _temporal_model(shapes: Shapes):
         attention_width=shapes.text_width, latent=shapes.latent, curriculum_start=shapes.snippets,
         snippet_width=shapes.snippet_width, snippet_dim=shapes.snippet_width,
     )  # fmt: skip
-    return Text2Motion(config, make_context(shapes, 4 * shapes.snippets))
+    return Text2Motion(config, make_context(shapes, UNIT * shapes.snippets))
 
 
 def text2motion(shapes: Shapes) -> Work:
     """A training step of the temporal VAE, unrolled over all codes."""
     model = _temporal_model(shapes)
-    batch = make_batch(shapes.sequences, 4 * shapes.snippets, shapes.words, vocabulary=shapes.vocabulary)
+    batch = make_batch(shapes.sequences, UNIT * shapes.snippets, shapes.words, vocabulary=shapes.vocabulary)
     return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
@@ -47,5 +48,5 @@ def prompts(shapes: Shapes) -> Work:
     model = _temporal_model(shapes)
     config = Text2LengthConfig(word_dim=shapes.word_dim, text_width=shapes.text_width)
     generator = MotionGenerator(model, Lengths(Text2Length(config, model.context)))
-    sentences, frames = make_sentences(shapes, shapes.prompts), [4 * shapes.tokens] * shapes.prompts
+    sentences, frames = make_sentences(shapes, shapes.prompts), [UNIT * shapes.tokens] * shapes.prompts
     return Work(lambda: generator.generate(sentences, list(range(shapes.prompts)), frames))

@@ -11,11 +11,11 @@ import numpy as np
 from motionary.corpus.clips import Caption, Clip, check_text
 from motionary.corpus.splits import SPLITS
 from motionary.errors import InputError
+from motionary.features import HumanML3D
 from motionary.formats import read_motion
 from motionary.motion import Motion, Skeleton
 
-# Joints -> what the two releases are: HumanML3D (SMPL joints, 20 fps) and KIT-ML (12.5 fps). Feature width is
-# 12 J - 1.
+# Joints -> what the two releases are: HumanML3D (SMPL joints, 20 fps) and KIT-ML (12.5 fps).
 RELEASES = {22: ("smpl22", 20.0), 21: ("kit21", 12.5)}
 TALLEST = 10.0  # m; KIT-ML is released in millimetres, and nobody is this tall in metres
 
@@ -25,27 +25,27 @@ class ReleasedMotion:
     """Loader of `new_joints/<name>.npy` (T, J, 3) or, where that is absent, `new_joint_vecs/<name>.npy` (T-1, D)."""
 
     path: str
-    codec: str = ""  # set where the file holds features
+    features: bool = False  # the file holds HumanML3D's features, whatever codec the corpus has
 
     def __call__(self, clip: Clip) -> tuple[Motion, Clip]:
-        shape = _shape(Path(self.path))
-        joints = (shape[-1] + 1) // 12 if self.codec else shape[-2] if len(shape) == 3 else 0
-        if joints not in RELEASES or len(shape) != (2 if self.codec else 3):
-            rule = "must be (T, 22, 3) or (T, 21, 3) joints, or their (T, 263) or (T, 251) features"
-            raise InputError(self.path, shape, rule)
-        name, fps = RELEASES[joints]
+        name, fps = self._release(_shape(Path(self.path)))
         skeleton = Skeleton.named(name)
-        if self.codec:
-            from motionary.features import codec
-
+        if self.features:
             features = np.load(self.path, allow_pickle=False).astype(np.float32)
-            motion = codec(self.codec, skeleton).decode(features, fps=fps)
+            motion = HumanML3D(skeleton).decode(features, fps=fps)
         else:
             motion = read_motion(self.path, fps=fps, skeleton=skeleton)
         extent = np.ptp(motion.positions[0], axis=0).max()
         if extent > TALLEST:
             motion = Motion(motion.positions / 1000, motion.fps, motion.skeleton)
         return motion, clip
+
+    def _release(self, shape: tuple[int, ...]) -> tuple[str, float]:
+        for joints, (name, fps) in RELEASES.items():
+            if shape[1:] == ((HumanML3D(Skeleton.named(name)).dim,) if self.features else (joints, 3)):
+                return name, fps
+        rule = "must be (T, 22, 3) or (T, 21, 3) joints, or their (T, 263) or (T, 251) features"
+        raise InputError(self.path, shape, rule)
 
 
 class HumanML3DSource:
@@ -56,8 +56,8 @@ class HumanML3DSource:
     or nan means the whole clip. The tagged words are the normalized caption.
     """
 
-    def __init__(self, root: Path, name: str, codec: str = "humanml3d"):
-        self.root, self.name, self.codec = root, name, codec
+    def __init__(self, root: Path, name: str):
+        self.root, self.name = root, name
 
     def clips(self) -> tuple[list[Clip], list[InputError]]:
         """See `sources.Source`."""
@@ -112,7 +112,7 @@ class HumanML3DSource:
         if joints.is_file():
             return ReleasedMotion(str(joints))
         if features.is_file():
-            return ReleasedMotion(str(features), self.codec)
+            return ReleasedMotion(str(features), features=True)
         raise InputError(joints, name, "is listed but absent, as are its features in new_joint_vecs")
 
     def _captions(self, name: str, problems: list[InputError]):

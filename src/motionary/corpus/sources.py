@@ -171,7 +171,7 @@ def open_sources(config: DataConfig, base: str | Path = ".") -> list[Source]:
     paths = [checked_root(Path(base) / root) for root in config.roots]
     names = root_names(paths)
     if config.source == "humanml3d":
-        return [HumanML3DSource(path, name, config.codec) for path, name in zip(paths, names, strict=True)]
+        return [HumanML3DSource(path, name) for path, name in zip(paths, names, strict=True)]
     return [FolderSource(path, name, config.fps) for path, name in zip(paths, names, strict=True)]
 
 

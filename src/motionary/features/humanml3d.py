@@ -113,18 +113,8 @@ class HumanML3D:
         return Motion(self._place(sixd, half, root), fps, self.skeleton)
 
     def root_path(self, features: torch.Tensor) -> torch.Tensor:
-        """Ground positions (B, T, 2) in metres of raw features (B, T, dim): the integration of `decode`, for tensors.
-
-        Frame t stands where the velocities of the frames before it lead, each turned by the heading of the frame it
-        leads to (as in the released recovery of positions).
-        """
-        import torch
-
-        previous = torch.nn.functional.pad(features[:, :-1], (0, 0, 1, 0))
-        half = previous[..., 0].cumsum(1)  # half of the heading
-        x, z = previous[..., 1], previous[..., 2]
-        cos, sin = torch.cos(2 * half), torch.sin(2 * half)
-        return torch.stack((cos * x - sin * z, sin * x + cos * z), -1).cumsum(1)
+        """Ground positions (..., T, 2), x and z in metres, of raw features (..., T, dim): `decode`'s, for tensors."""
+        return _ground_path(features)
 
     def _half_angles(self, positions: np.ndarray) -> np.ndarray:
         """(T,) half the angle about y that turns the smoothed facing to +z: the released root quaternion's."""
@@ -186,13 +176,8 @@ def recover_positions_torch(features: torch.Tensor, joints: int) -> torch.Tensor
     import torch
 
     half = torch.cumsum(features[..., 0], dim=-1) - features[..., 0]
+    root_x, root_z = _ground_path(features).unbind(-1)
     cosine, sine = torch.cos(2 * half), torch.sin(2 * half)
-    # A step belongs to the heading of the frame that it leads to.
-    x, z = features[..., :-1, 1], features[..., :-1, 2]
-    step_x = cosine[..., 1:] * x - sine[..., 1:] * z
-    step_z = cosine[..., 1:] * z + sine[..., 1:] * x
-    root_x = torch.nn.functional.pad(torch.cumsum(step_x, dim=-1), (1, 0))
-    root_z = torch.nn.functional.pad(torch.cumsum(step_z, dim=-1), (1, 0))
     local = features[..., 4 : 3 * joints + 1].unflatten(-1, (joints - 1, 3))
     cosine, sine = cosine[..., None], sine[..., None]
     body = torch.stack(
@@ -205,6 +190,18 @@ def recover_positions_torch(features: torch.Tensor, joints: int) -> torch.Tensor
     )
     root = torch.stack([root_x, features[..., 3], root_z], dim=-1)
     return torch.cat([root[..., None, :], body], dim=-2)
+
+
+def _ground_path(features: torch.Tensor) -> torch.Tensor:
+    """(..., T, 2): frame t stands where the velocities of the frames before it lead."""
+    import torch
+
+    previous = torch.nn.functional.pad(features[..., :-1, :3], (0, 0, 1, 0))
+    # A step belongs to the heading of the frame that it leads to; the angles are half of it.
+    half = previous[..., 0].cumsum(-1)
+    x, z = previous[..., 1], previous[..., 2]
+    cosine, sine = torch.cos(2 * half), torch.sin(2 * half)
+    return torch.stack((cosine * x - sine * z, sine * x + cosine * z), -1).cumsum(-2)
 
 
 def _recover_root(features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

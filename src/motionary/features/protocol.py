@@ -41,5 +41,5 @@ class Codec(Protocol):
         ...
 
     def root_path(self, features: torch.Tensor) -> torch.Tensor:
-        """Where the root stands on the ground, x and z in metres: (B, T, dim) -> (B, T, 2), differentiable."""
+        """Where the root stands on the ground, x and z in metres: (..., T, dim) -> (..., T, 2), differentiable."""
         ...
