@@ -67,8 +67,8 @@ def train_each(
 
     Args:
         stage: the running stage: its inputs must have been asked for before, since they name the checkpoints.
-        models: each a :class:`motionary.training.loop.System`, by the name that its checkpoint and curves bear; "" is
-            the stage's.
+        models: each a :class:`motionary.systems.trainable.Trainable`, by the name that its checkpoint and curves bear;
+            "" is the stage's.
         data: the training split.
         validation: what early stopping and the validation curves watch.
         settings: of the loop.

@@ -98,15 +98,17 @@ class Evaluator(Trainable):
 
     def loss(self, batch: PairBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 8 or InfoNCE, by the config; logs the share of pairs that stand first in the batch."""
-        text = self.embed_text(batch.words, batch.tags, batch.word_count)
-        motion = self.embed_motion(batch.motion, batch.frames)
-        same = batch.text_key[:, None] == batch.text_key[None]
+        text = self.embed_text(batch.words, batch.tags, batch.word_count)  # (B, dim)
+        motion = self.embed_motion(batch.motion, batch.frames)  # (B, dim)
+        # Captions repeat within a batch: a motion that another's words describe as well is no mismatch.
+        same = batch.text_key[:, None] == batch.text_key[None]  # (B, B)
         if self.config.objective == "margin":
             shift = int(torch.randint(1, max(2, len(text)), (), generator=generator, device=generator.device))
             loss = margin_loss(text, motion, same, shift, self.config.margin)
         else:
             loss = infonce_loss(text, motion, same, self.config.temperature)
         with torch.no_grad():
+            # (B, B) from each motion to each text that differs from its own
             distance = torch.cdist(motion, text).masked_fill(same & ~_diagonal(same), torch.inf)
             first = (distance.argmin(1) == torch.arange(len(text), device=text.device)).float().mean()
         return loss, {"top1": first}
@@ -121,16 +123,16 @@ def margin_loss(text: Tensor, motion: Tensor, same: Tensor, shift: int, margin: 
     Its norms are read as distances, as in the authors' code: d^2 for matches, max(0, m - d)^2 for mismatches. Shifted
     pairs whose captions are equal (`same` (B, B)) are no mismatches and are left out.
     """
-    matched = (text - motion).norm(dim=-1).square()
+    matched = (text - motion).norm(dim=-1).square()  # (B,)
     index = (torch.arange(len(text), device=text.device) + shift) % len(text)
     mismatch = ~same[torch.arange(len(text), device=text.device), index]
-    pushed = (margin - (text[index] - motion).norm(dim=-1)).clamp(min=0).square()
+    pushed = (margin - (text[index] - motion).norm(dim=-1)).clamp(min=0).square()  # (B,)
     return (matched.sum() + (pushed * mismatch).sum()) / (len(text) + mismatch.sum())
 
 
 def infonce_loss(text: Tensor, motion: Tensor, same: Tensor, temperature: float) -> Tensor:
     """Symmetric InfoNCE on cosines; captions equal to a pair's own (`same` (B, B)) are no negatives for it."""
-    cosines = F.normalize(motion, dim=-1) @ F.normalize(text, dim=-1).t() / temperature
+    cosines = F.normalize(motion, dim=-1) @ F.normalize(text, dim=-1).t() / temperature  # (B, B) motion by text
     cosines = cosines.masked_fill(same & ~_diagonal(same), -torch.inf)
     target = torch.arange(len(text), device=text.device)
     return 0.5 * (F.cross_entropy(cosines, target) + F.cross_entropy(cosines.t(), target))

@@ -117,14 +117,15 @@ class StyleEvaluator(Trainable):
         self, batch: LabeledBatch, progress: float, generator: torch.Generator
     ) -> tuple[Tensor, dict[str, Tensor]]:
         """Sum of both cross-entropies over the items whose label is known (-1 is not), with accuracies as logs."""
-        x, mask = self._input(batch.motion, batch.frames)
+        x, mask = self._input(batch.motion, batch.frames)  # (B, D, T), (B, 1, T)
         if self.training:
             x = keep(self._disturb(x, generator), mask)
         total, logs = x.new_zeros(()), {}
         for name, labels in (("style", batch.style), ("content", batch.action)):
-            known = labels >= 0
+            known = labels >= 0  # (B,)
             if name in self.branches and bool(known.any()):
-                logits, _ = self._judge(name, x[known], mask[known])
+                logits, _ = self._judge(name, x[known], mask[known])  # (K, classes)
+                # Held-out losses are compared over the training: smoothing would hide how sure the answers become.
                 smoothing = self.config.label_smoothing if self.training else 0.0
                 total = total + F.cross_entropy(logits, labels[known], label_smoothing=smoothing)
                 logs[name] = (logits.detach().argmax(-1) == labels[known]).float().mean()

@@ -75,6 +75,6 @@ class GlobalMotion(Trainable):
 
     def _away(self, batch: MotionBatch) -> tuple[Tensor, Tensor]:
         """Predicted less true velocities (B, T, 3), normalized, and the mask (B, T) of valid frames."""
-        known = self.normalizer(batch.motion)
+        known = self.normalizer(batch.motion)  # (B, T, D)
         predicted = self(known[..., self.parts.local], batch.frames)
         return predicted - known[..., self.parts.root], length_mask(batch.frames, known.shape[1])

@@ -132,24 +132,24 @@ class Latents(Trainable):
         return self.second.weight[: self.dim], self.second.bias[: self.dim]
 
     def _loss(self, batch: MotionBatch, generator: torch.Generator | None) -> tuple[Tensor, dict[str, Tensor], Tensor]:
-        local = self.local(batch.motion)
-        codes, log_variance = self._posterior(local, batch.frames)
-        count = torch.div(batch.frames, UNIT, rounding_mode="floor")
-        valid = length_mask(count, codes.shape[-1])
+        local = self.local(batch.motion)  # (B, T, local_dim)
+        codes, log_variance = self._posterior(local, batch.frames)  # (B, dim, S) both
+        count = torch.div(batch.frames, UNIT, rounding_mode="floor")  # (B,) codes
+        valid = length_mask(count, codes.shape[-1])  # (B, S)
         drawn = codes
         if log_variance is not None and generator is not None:
             noise = torch.randn(codes.shape, generator=generator, device=codes.device, dtype=codes.dtype)
             drawn = keep(codes + noise * (0.5 * log_variance).exp(), valid[:, None].to(codes.dtype))
-        decoded = self.decode(drawn, count)
-        mask = length_mask(count * UNIT, decoded.shape[1])
+        decoded = self.decode(drawn, count)  # (B, 4 S, local_dim)
+        mask = length_mask(count * UNIT, decoded.shape[1])  # (B, 4 S)
         terms = {"reconstruction": masked_mean((decoded - local[:, : decoded.shape[1]]).abs(), mask)}
         loss = terms["reconstruction"]
         if self.config.variant == "V" and log_variance is not None:
-            kl = 0.5 * (codes.square() + log_variance.exp() - 1 - log_variance)
+            kl = 0.5 * (codes.square() + log_variance.exp() - 1 - log_variance)  # (B, dim, S)
             terms["kl"] = masked_mean(kl.transpose(1, 2), valid)
             loss = loss + self.config.kl * terms["kl"]
         elif self.config.variant == "A":
-            steps = codes.transpose(1, 2)
+            steps = codes.transpose(1, 2)  # (B, S, dim)
             terms["sparsity"] = masked_mean(steps.abs(), valid)
             terms["smoothness"] = masked_mean((steps[:, 1:] - steps[:, :-1]).abs(), valid[:, 1:])
             loss = loss + self.config.sparsity * terms["sparsity"] + self.config.smoothness * terms["smoothness"]

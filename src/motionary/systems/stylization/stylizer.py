@@ -102,32 +102,33 @@ class Stylizer(Trainable):
         if int(frames.min()) < STRIDE:
             raise InputError("frames", int(batch.frames.min()), f"motions must have at least {STRIDE} frames")
         steps = int(frames.max())
-        local = self.latents.local(batch.motion[:, :steps])
+        local = self.latents.local(batch.motion[:, :steps])  # (3 B, T, local_dim)
         with torch.no_grad():
-            codes = self.latents.encode(local, frames)
-        count = frames // UNIT
-        mask = length_mask(count, codes.shape[-1])[:, None].to(codes.dtype)
+            codes = self.latents.encode(local, frames)  # (3 B, D_z, S)
+        count = frames // UNIT  # (3 B,) codes
+        mask = length_mask(count, codes.shape[-1])[:, None].to(codes.dtype)  # (3 B, 1, S)
         label = self.label(batch.style)
         first, second, third = _thirds(len(batch.motion))
 
-        content = self.content_encoder(codes, mask)
-        mean, log_variance = self.style_encoder(codes, label, mask)
+        content = self.content_encoder(codes, mask)  # (3 B, D_c, S/2)
+        mean, log_variance = self.style_encoder(codes, label, mask)  # (3 B, D_s) both
         style = _draw(mean, log_variance, generator)
 
         # Autoencoding of z1 and z2, and the transfer of z3's style onto z2, in one pass.
         source = torch.cat([first, second, second])
-        made = self._generate(content[source], style, label, mask[source])
-        transferred, transferred_mask = made[third], mask[second]
+        made = self._generate(content[source], style, label, mask[source])  # (3 B, D_z, S)
+        transferred, transferred_mask = made[third], mask[second]  # (B, D_z, S), as long as its content z2
         made_mean, made_log_variance = self.style_encoder(transferred, _at(label, third), transferred_mask)
         made_style = _draw(made_mean, made_log_variance, generator)
 
         # The cycle: what was transferred gives z2 its content back, and z3 its style.
         back = torch.cat([self.content_encoder(transferred, transferred_mask), content[third]])
         targets = torch.cat([second, third])
-        cycled = self._generate(
+        cycled = self._generate(  # (2 B, D_z, S)
             back, torch.cat([style[second], made_style]), _at(label, targets), torch.cat([mask[second], mask[third]])
         )
         known = torch.cat([first, second, targets])
+        # Means over items, times the two that Eq. 5.1 and 5.3 sum: z1 and z2, and z2 and z3.
         errors = self._errors(torch.cat([made[: 2 * len(first)], cycled]), codes, local, count, known)
         terms = {
             "reconstruction": errors[: 2 * len(first)].mean() * 2,
@@ -146,8 +147,8 @@ class Stylizer(Trainable):
     def _errors(self, made: Tensor, codes: Tensor, local: Tensor, count: Tensor, known: Tensor) -> Tensor:
         """(N,) of each made item: mean absolute error of its codes and of its motion against item `known`."""
         decoded = self.latents.decode(made, count[known])
-        code_error = (made - codes[known]).abs().mean(1)
-        motion_error = (decoded - local[known]).abs().mean(-1)
+        code_error = (made - codes[known]).abs().mean(1)  # (N, S)
+        motion_error = (decoded - local[known]).abs().mean(-1)  # (N, T)
         steps = length_mask(count[known], made.shape[-1]).to(made.dtype)
         frames = length_mask(count[known] * UNIT, decoded.shape[1]).to(made.dtype)
         code_error = (code_error * steps).sum(-1) / steps.sum(-1)

@@ -79,14 +79,15 @@ class Autoencoder(Trainable):
         return self._loss(batch)[:2]
 
     def _loss(self, batch: MotionBatch) -> tuple[Tensor, dict[str, Tensor], Tensor]:
-        codes = self.encode(batch.motion, batch.frames)
-        count = torch.div(batch.frames, UNIT, rounding_mode="floor")
-        output = self.decoder(codes, count)
+        codes = self.encode(batch.motion, batch.frames)  # (B, S, code_dim)
+        count = torch.div(batch.frames, UNIT, rounding_mode="floor")  # (B,) codes
+        output = self.decoder(codes, count)  # (B, 4 S, D) normalized
         target = self.encoder.normalizer(batch.motion[:, : output.shape[1]])
-        mask = length_mask(count * UNIT, output.shape[1])
+        mask = length_mask(count * UNIT, output.shape[1])  # (B, 4 S)
         terms = {"reconstruction": masked_mean(distance(output - target, self.config.square_from) * self.weights, mask)}
-        valid = length_mask(count, codes.shape[1])
+        valid = length_mask(count, codes.shape[1])  # (B, S)
         terms["sparsity"] = masked_mean(codes.abs(), valid)
+        # A step is valid where the code that it leads to is: the one to the zeros of the padding is none.
         terms["smoothness"] = masked_mean((codes[:, 1:] - codes[:, :-1]).abs(), valid[:, 1:])
         loss = (
             terms["reconstruction"]

@@ -73,12 +73,13 @@ class Text2Length(Trainable):
     def loss(self, batch: TextBatch, progress: float, generator: torch.Generator) -> Loss:
         """Cross-entropy with the true length, or with a bell around it (`spread`)."""
         words = hide_words(batch.words, self.config.word_dropout, generator) if self.training else batch.words
-        logits, target = self(words, batch.tags, batch.word_count), self._target(batch)
+        logits, target = self(words, batch.tags, batch.word_count), self._target(batch)  # (B, T_max), (B,)
         nll = F.cross_entropy(logits, target)
         if not self.config.spread:
             return nll, {"nll": nll.detach()}
         units = torch.arange(logits.shape[1], device=logits.device)
-        bell = torch.softmax(-0.5 * ((units - target[:, None]) / self.config.spread).square(), dim=-1)
+        # A softmax and not the normal density: what lies beyond the shortest and longest length is shared out again.
+        bell = torch.softmax(-0.5 * ((units - target[:, None]) / self.config.spread).square(), dim=-1)  # (B, T_max)
         return F.cross_entropy(logits, bell), {"nll": nll.detach()}
 
     @torch.no_grad()

@@ -161,29 +161,30 @@ class Text2Motion(Trainable):
     def _loss(
         self, batch: PairBatch, words: Tensor, forced: Tensor, generator: torch.Generator
     ) -> tuple[Tensor, dict[str, Tensor]]:
-        length = torch.div(batch.frames, self.stride, rounding_mode="floor")
+        length = torch.div(batch.frames, self.stride, rounding_mode="floor")  # (B,) codes of the whole motion
         stage = self.curriculum.length * (self.context.unit // self.stride)
-        count = length.clamp(max=stage)
-        targets = self.encode(batch.motion, batch.frames)[:, : int(count.max())]
+        count = length.clamp(max=stage)  # (B,) codes that are learned; the time to arrival stays the whole motion's
+        targets = self.encode(batch.motion, batch.frames)[:, : int(count.max())]  # (B, S, c)
         shape = (*targets.shape[:2], self.config.latent)
-        noise = torch.randn(shape, generator=generator, device=targets.device)
+        noise = torch.randn(shape, generator=generator, device=targets.device)  # (B, S, z)
         sentence, hidden = self.net.start(words, batch.tags, batch.word_count)
         made = self.net.unroll(sentence, hidden, targets, self.first, length, forced, noise)
         terms = self._terms(made, targets, count, batch.motion)
         loss = torch.stack([weight * value for weight, value in terms.values()]).sum()
         logs = {name: value.detach() for name, (_, value) in terms.items()}
+        # Without the divergence, which may rise while motions get better: it must not move the curriculum on.
         parts = [weight * value for name, (weight, value) in terms.items() if name != "kl"]
         logs["reconstruction"] = torch.stack(parts).sum().detach()
         return loss, {**logs, "codes": self.curriculum.codes.float()}
 
     def _terms(self, made: Unroll, targets: Tensor, count: Tensor, motion: Tensor) -> dict[str, tuple[float, Tensor]]:
         """The three terms of Eq. 4.6 with their weights. Without snippet codes the first two are the same."""
-        valid = length_mask(count, targets.shape[1])
+        valid = length_mask(count, targets.shape[1])  # (B, S)
         terms = {"code": (1.0, masked_mean((made.codes - targets).abs(), valid))}
         if self.decoder is not None and self.config.motion_weight:
-            normalized = self.decoder(made.codes, count)
+            normalized = self.decoder(made.codes, count)  # (B, 4 S, D)
             true = self.encoder.normalizer(motion[:, : normalized.shape[1]])
-            mask = length_mask(count * self.stride, normalized.shape[1])
+            mask = length_mask(count * self.stride, normalized.shape[1])  # (B, 4 S)
             terms["motion"] = (self.config.motion_weight, masked_mean((normalized - true).abs(), mask))
         terms["kl"] = (self.config.kl_weight, masked_mean(divergence(made.posterior, made.prior), valid))
         return terms

@@ -101,15 +101,15 @@ class InverseAlignment(Text2Token):
         tags = None if batch.tags is None else batch.tags[rows]
         net = cast(TokenGRU, self.net)
         start = torch.full((len(words),), self.start_token, device=words.device)
-        # One step more than the longest motion: room for its end.
+        # One step more than the longest motion: room for its end. (R, S, K + 3)
         samples = net.gumbel(
             net.start(words, tags, count), start, self.config.most_tokens + 1, self.end_token,
             self.config.gumbel_temperature, generator,
         )  # fmt: skip
-        source, mask = self._as_source(samples, start)
+        source, mask = self._as_source(samples, start)  # (R, S + 1, K + 3), (R, S + 1)
         reader = self._reader[0].to(words.device)
-        losses, valid = reader.nll(reader.embed(source), mask, words)
-        return losses.sum() / valid.sum(), mask.sum(1).float().mean() - 2
+        losses, valid = reader.nll(reader.embed(source), mask, words)  # (R, N - 1) both
+        return losses.sum() / valid.sum(), mask.sum(1).float().mean() - 2  # without start and end
 
     def _as_source(self, samples: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
         """One-hot samples (B, S, K + 3) -> motion2text's source with a start, each row masked behind its end.

@@ -143,8 +143,8 @@ class Motion2Text(Trainable):
 
     def nll(self, source: Tensor, mask: Tensor, words: Tensor, smoothing: float = 0.0) -> tuple[Tensor, Tensor]:
         """Eq. 4: negative log-likelihood per predicted word (B, N - 1), zero at padding, and the mask of those."""
-        targets = words[:, 1:]
-        logits = self.logits(source, mask, words[:, :-1])
+        targets = words[:, 1:]  # (B, N - 1)
+        logits = self.logits(source, mask, words[:, :-1])  # (B, N - 1, V)
         losses = F.cross_entropy(
             logits.transpose(1, 2), targets, ignore_index=PAD, reduction="none", label_smoothing=smoothing
         )
@@ -155,6 +155,7 @@ class Motion2Text(Trainable):
     ) -> tuple[Tensor, dict[str, Tensor]]:
         """Mean of Eq. 4 over all words of the batch."""
         losses, valid = self.nll(*self.source_of(batch), batch.words, self.config.label_smoothing)
+        # Over words and not over captions: each word counts alike, in a long caption as in a short one.
         loss = losses.sum() / valid.sum()
         return loss, {"caption_nll": loss.detach()}
 

@@ -143,16 +143,17 @@ class Text2Token(Trainable):
         Rows `free` (indices) read their own draws, the others the true tokens.
         """
         smoothing = self.config.label_smoothing if self.training else 0.0
-        inputs = F.pad(batch.tokens, (1, 0), value=self.start_token)
-        valid = length_mask(batch.token_count + 1, inputs.shape[1])
+        inputs = F.pad(batch.tokens, (1, 0), value=self.start_token)  # (B, S + 1)
+        valid = length_mask(batch.token_count + 1, inputs.shape[1])  # (B, S + 1), the end included
         targets = F.pad(batch.tokens, (0, 1)).scatter(1, batch.token_count[:, None], self.end_token)
         targets = targets.masked_fill(~valid, self.pad_token)
         if self.training and self.config.token_dropout:
             hidden = torch.rand(inputs.shape, generator=generator, device=inputs.device) < self.config.token_dropout
-            hidden[:, 0] = False
+            hidden[:, 0] = False  # the start says nothing that could be leaned on
             inputs = inputs.masked_fill(hidden, self.pad_token)
         state: Any = self.net.start(*self._sentences(batch, generator))
-        states = self.net.unroll(state, inputs, free, generator)
+        states = self.net.unroll(state, inputs, free, generator)  # (B, S + 1, h)
+        # The output layer is the widest product of all: padding does not pass through it.
         losses = torch.zeros(valid.shape, device=inputs.device)
         losses[valid] = F.cross_entropy(
             self.net.logits(states[valid]), targets[valid], reduction="none", label_smoothing=smoothing
@@ -163,7 +164,7 @@ class Text2Token(Trainable):
         """Mean over all tokens of the batch, with scheduled teacher forcing, one coin per sequence."""
         first, last = self.config.teacher_forcing_start, self.config.teacher_forcing_end
         forcing = first + (last - first) * progress
-        coins = torch.rand(len(batch.tokens), generator=generator, device=batch.tokens.device)
+        coins = torch.rand(len(batch.tokens), generator=generator, device=batch.tokens.device)  # (B,)
         free = (coins >= forcing).nonzero()[:, 0]
         losses, valid = self.nll(batch, free, generator)
         loss = losses.sum() / valid.sum()

@@ -174,6 +174,8 @@ class Tokenizer(Trainable):
         """Eq. 3 as means over valid frames and features, with the config's extra terms."""
         config = self.config
         warm = self.training and progress < config.warm_start
+        # A codebook drawn from what the encoder says is used from its first step on; a random one lies far from all of
+        # it, and the few codes that are nearest take everything.
         if self.training and not warm and config.warm_start >= 0 and not bool(self.quantizer.started):
             with torch.no_grad():
                 latents = self._latents(batch.motion, batch.frames)
@@ -202,24 +204,26 @@ class Tokenizer(Trainable):
 
     def _loss(self, batch: MotionBatch, warm: bool, frozen: bool) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         config = self.config
-        count = batch.frames // UNIT
+        count = batch.frames // UNIT  # (B,) tokens
         with torch.set_grad_enabled(torch.is_grad_enabled() and not frozen):
-            latents = self._latents(batch.motion, batch.frames)
-        valid = length_mask(count, latents.shape[1])
+            latents = self._latents(batch.motion, batch.frames)  # (B, S, d)
+        valid = length_mask(count, latents.shape[1])  # (B, S)
         terms: dict[str, Tensor] = {}
         if warm:
+            # A plain autoencoder at first: codes drawn from its latents later start near what they have to say.
             entries, embedding, commitment = latents, latents.new_zeros(()), latents.new_zeros(())
         elif frozen:
             codes = self.quantizer.nearest(latents)
-            entries = self.quantizer.look_up(codes).detach()
+            entries = self.quantizer.look_up(codes).detach()  # (B, S, d)
             embedding = commitment = latents.new_zeros(())
         else:
-            entries, codes, embedding, commitment = self.quantizer(latents, valid)
+            entries, codes, embedding, commitment = self.quantizer(latents, valid)  # (B, S, d), (B, S), (), ()
         if not warm:
             terms["usage"], terms["perplexity"] = usage(codes[valid], config.codes)
-        output = self.decoder(entries, count)
+        output = self.decoder(entries, count)  # (B, 4 S, D) normalized
         target = self.normalizer(batch.motion[:, : output.shape[1]])
-        mask = length_mask(count * UNIT, output.shape[1])
+        # Frames of an unfinished unit have no token: nobody could decode them.
+        mask = length_mask(count * UNIT, output.shape[1])  # (B, 4 S)
         terms["reconstruction"] = masked_mean(distance(output - target, config.square_from) * self.weights, mask)
         terms["commitment"] = commitment
         total = terms["reconstruction"] + embedding + config.beta * commitment
@@ -231,5 +235,6 @@ class Tokenizer(Trainable):
     def _trajectory(self, output: Tensor, raw: Tensor, mask: Tensor) -> Tensor:
         """Mean distance on the ground between decoded and true roots, integrated from the first frame, in metres."""
         decoded = self.normalizer.inverse(output)
-        difference = self.codec.root_path(decoded) - self.codec.root_path(raw)
+        difference = self.codec.root_path(decoded) - self.codec.root_path(raw)  # (B, T, 2)
+        # Both paths start at the same place, and a square root has no finite slope at 0.
         return masked_mean((difference.square().sum(-1) + 1e-8).sqrt(), mask)
