@@ -9,15 +9,24 @@ from motionary.errors import InputError
 
 
 def same(a, b):
-    return all(
-        (x is None and y is None) or torch.equal(x, y) for x, y in zip(vars(a).values(), vars(b).values(), strict=True)
-    )
+    return all(torch.equal(x, y) for x, y in zip(vars(a).values(), vars(b).values(), strict=True))
 
 
 @pytest.fixture(scope="module")
 def tokens(corpus):
     """Token k of window i is 10 i + k."""
     return TokenStore.collect([10 * i + np.arange(corpus.clips.length[i] // 4) for i in range(len(corpus))])
+
+
+def test_a_batch_lacks_what_its_dataset_does_not_fill(corpus, tokens):
+    batch = next(Batches(Pairs(corpus, "train", tokens, motion=False), 4).epoch(0)).to("cpu")
+    assert batch.tokens.shape[0] == 4
+    with pytest.raises(AttributeError, match="motion"):
+        _ = batch.motion
+    windows = next(Batches(Windows(corpus, "train", 32), 4).epoch(0))
+    assert windows.tags is None
+    with pytest.raises(AttributeError, match="words"):
+        _ = windows.words
 
 
 def check_padding(corpus, batch):

@@ -12,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from toy import Numbers, Regression, batches, settings
 
 from motionary.corpus.batches import Batches
+from motionary.systems.trainable import Trainable
 from motionary.training.devices import make_fabric
 from motionary.training.loop import fit, rate, validate
 
@@ -99,6 +100,31 @@ def test_hooks_and_progress(fabric):
     model, history = trained(fabric, steps=10, log_every=1)
     assert model.seen == 10
     assert [row["progress"] for row in history.train] == pytest.approx([i / 10 for i in range(10)])
+
+
+class OnlyALoss(Trainable):
+    def __init__(self):
+        super().__init__()
+        self.weight = torch.nn.Parameter(torch.zeros(6, 2))
+        self.frozen = torch.nn.Parameter(torch.ones(1), requires_grad=False)
+
+    def loss(self, batch, progress, generator):
+        x, y = batch.motion[:, 0].split([6, 2], dim=1)
+        drawn = torch.rand((), generator=generator)
+        return (x @ self.weight - y).square().mean(), {"drawn": drawn, "progress": torch.tensor(progress)}
+
+
+def test_a_loss_is_enough_to_be_trained(fabric):
+    """Validation is then the loss at the end of the training, with the same draws every time."""
+    config = settings(steps=100, learning_rate=0.1, clip=0.0, weight_decay=0.0)
+    model = OnlyALoss()
+    history = fit(model, batches(config), validation(), config, fabric)
+    assert history.validation[-1]["loss"] < 0.05 * history.train[0]["loss"]
+    assert {row["progress"] for row in history.validation} == {1.0}
+    assert len({row["drawn"] for row in history.validation}) == 1
+    assert model.frozen.item() == 1
+    with pytest.raises(NotImplementedError, match="Trainable has no loss"):
+        Trainable().validate(next(validation().epoch(0)))
 
 
 def test_two_processes_train_as_one_with_twice_the_batch(fabric, tmp_path):
