@@ -16,7 +16,7 @@ import yaml
 from PIL import Image
 from tiny import add_stylizers
 
-from motionary.cli.arguments import build_parser
+from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS, main
 from motionary.corpus.demo import demo_clip
 from motionary.corpus.sources import FolderSource
@@ -70,7 +70,7 @@ SHELL = [command for command in COMMANDS_SHOWN if command.startswith("motionary 
 
 def test_shell_examples_run_one_after_the_other(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
-    parser = build_parser(COMMANDS)
+    parser, runs = build_parser(COMMANDS), {command.name: command.run for command in COMMANDS}
     import motionary
 
     known = motionary.load("models").styles[0]
@@ -80,7 +80,7 @@ def test_shell_examples_run_one_after_the_other(folder, monkeypatch, capsys):
         for word in words(command)[1:]:
             given += sorted(str(p.relative_to(folder)) for p in folder.glob(word)) if "*" in word else [word]
         given = [known if before == "--style" else word for before, word in zip(["", *given], given, strict=False)]
-        assert parser.parse_args(given).run is COMMANDS[given[0]]
+        assert parser.parse_args(given).run is runs[given[0]]
         if given[0] != "app":  # served in tests/app
             assert main(given) == 0, f"{command}\n{capsys.readouterr().err}"
         ran.append(given[0])

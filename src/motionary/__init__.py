@@ -1,6 +1,6 @@
 """motionary: a two-way dictionary between human motion and language.
 
-Motions load at once; everything else when it is first asked for.
+Everything loads when it is first asked for.
 """
 
 from __future__ import annotations
@@ -9,19 +9,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from motionary.errors import InputError
-from motionary.lazy import hand_on
-from motionary.motion import Motion, Skeleton
-from motionary.motion.motion import save_with
+from motionary.lazy import hand_on, save_with
 
 if TYPE_CHECKING:
     from motionary.dictionary import load
     from motionary.formats import read_motion
+    from motionary.motion import Motion, Skeleton
 
 __version__ = "0.1.0"
 __all__ = ["InputError", "Motion", "Skeleton", "__version__", "load", "read_motion"]
 
-_PARTS = ("corpus", "dictionary", "evaluation", "features", "formats", "language", "metrics", "systems", "training")
-_HOMES = {"load": "motionary.dictionary", "read_motion": "motionary.formats"}
+_PARTS = (
+    "corpus", "dictionary", "evaluation", "features", "formats", "language", "metrics", "motion", "systems", "training",
+)  # fmt: skip
+_HOMES = {
+    "Motion": "motionary.motion",
+    "Skeleton": "motionary.motion",
+    "load": "motionary.dictionary",
+    "read_motion": "motionary.formats",
+}
 __getattr__, __dir__ = hand_on(__name__, _HOMES | {part: f"motionary.{part}" for part in _PARTS})
 
 

@@ -1,10 +1,12 @@
-"""Names that a package hands on without importing where they live until somebody asks."""
+"""What is called without importing where it lives: the names that a package hands on, and the writers of motions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
+
+_writers: list[Callable[..., None]] = []
 
 
 def hand_on(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
@@ -23,3 +25,14 @@ def hand_on(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any
         return getattr(module, name, module)
 
     return get, lambda: sorted(homes)
+
+
+def save_with(save: Callable[..., None]) -> None:
+    """Hands in what ``Motion.save`` calls. The package does so before any of its modules is there: formats stand on
+    the motion's module, which so needs to know none of them."""
+    _writers[:] = [save]
+
+
+def save(motion: Any, path: Any, **options: Any) -> None:
+    """Writes a motion with what was handed in."""
+    _writers[0](motion, path, **options)

@@ -149,7 +149,7 @@ def test_a_page_of_another_site_is_turned_away(pipeline):
 
 
 def test_it_listens_here_alone_unless_told_otherwise():
-    from motionary.cli.arguments import build_parser
+    from motionary.cli.command import build_parser
     from motionary.cli.commands import COMMANDS
 
     assert build_parser(COMMANDS).parse_args(["app"]).host == "127.0.0.1"

@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 from shell import call
 
 from motionary import read_motion
-from motionary.cli.arguments import build_parser
+from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
 from motionary.corpus.demo import demo_clip
 
@@ -223,11 +224,34 @@ def test_help_shows_examples_that_parse(capsys):
 
     parser = build_parser(COMMANDS)
     for command in COMMANDS:
-        code, out, _ = call(capsys, command, "--help")
+        code, out, _ = call(capsys, command.name, "--help")
         assert code == 0
         examples = [line.split(" | ")[-1].strip() for line in out.split("examples:\n")[1].splitlines() if line.strip()]
         assert examples
         for example in examples:
             words = shlex.split(example)
-            assert words[0] == "motionary"
-            assert parser.parse_args(words[1:]).run is COMMANDS[words[1]]
+            assert words[:2] == ["motionary", command.name]
+            assert parser.parse_args(words[1:]).run is command.run
+
+
+def test_help_answers_at_once_and_loads_nothing_heavy():
+    """In at most 0.3 s, the median of five; what would take longer is not even begun."""
+    taken = []
+    for _ in range(5):
+        begin = time.perf_counter()
+        run = shell("--help")
+        taken.append(time.perf_counter() - begin)
+        assert run.returncode == 0
+        assert all(f"\n    {command.name} " in run.stdout for command in COMMANDS)
+    assert sorted(taken)[2] <= 0.3
+    code = "import sys, motionary.cli.commands as c; c.build_parser(c.COMMANDS); print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert {"motionary.cli", "argparse"} <= set(loaded)
+    assert not {"numpy", "torch", "spacy", "transformers", "pyarrow", "viser"} & set(loaded)
+
+
+def test_the_page_without_its_extra_names_what_to_install():
+    code = "import sys; sys.modules['viser'] = None; from motionary.cli import main; sys.exit(main(['app']))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr == 'error: viser: not installed: the page needs it: pip install "motionary[app]"\n'

@@ -14,6 +14,7 @@ from motionary.corpus.demo import demo_clip
 from motionary.dictionary.dictionary import encode
 from motionary.errors import InputError
 from motionary.motion import Motion
+from motionary.systems.registry import TEXT_TO_MOTION
 
 TEXTS = ["a person walks forward", "somebody waves with the left hand three times", "jump"]
 
@@ -75,7 +76,8 @@ def test_every_generator_can_be_asked(d):
         assert len(d.generate(TEXTS, system=system)) == 3
     with pytest.raises(InputError, match="does not turn text into motion"):
         d.generate("walk", system="tokenizer")
-    with pytest.raises(InputError, match=r"dvc repro temos"):
+    have = "inverse_alignment, text2token, text2motion, retrieval"
+    with pytest.raises(InputError, match=f"^system: temos: must be one of {have}$"):
         d.generate("walk", system="temos")
     with pytest.raises(InputError, match="does not turn motion into text"):
         d.caption(d.generate("walk")[0], system="text2token")
@@ -218,6 +220,34 @@ def test_missing_models_name_the_stage_to_run(pipeline, tmp_path, walk):
     (models / "tokenizer/model.safetensors").write_bytes(b"half")
     with pytest.raises(InputError, match=r"model\.safetensors"):
         motionary.load(models).generate("walk")
+
+
+def test_what_is_no_system_is_left_alone(pipeline, tmp_path, walk):
+    """A folder of a name that nobody declared, which sorts before all, changes no answer and is not recommended."""
+    models = tmp_path / "models"
+    (models / "a_foo").mkdir(parents=True)
+    (models / "a_foo/config.json").write_text("{}")
+    with pytest.raises(InputError, match="holds no trained model"):
+        motionary.load(models)
+    shutil.copytree(pipeline / "models/text2length", models / "text2length")
+    bare = motionary.load(models, "cpu")
+    assert bare.systems == ("text2length",)
+    assert bare.read_as("a persn walks") == "a person walk"
+    for call in (lambda: bare.generate("walk", system="a_foo"), lambda: bare.caption(walk, system="a_foo")):
+        with pytest.raises(InputError, match=r"^system: a_foo: none of these models can turn"):
+            call()
+    with pytest.raises(InputError, match=r"run `dvc repro inverse_alignment`$"):
+        bare.generate("walk")
+    with pytest.raises(InputError, match=r"run `dvc repro text2token`$"):
+        bare.generate("walk", system="text2token")
+    (models / "retrieval").mkdir()
+    with pytest.raises(InputError, match=r"system: evaluator: .* run `dvc repro evaluator`$"):
+        bare.context("retrieval")
+    shutil.copytree(pipeline / "models/tokenizer", models / "tokenizer")
+    shutil.copytree(pipeline / "models/text2token", models / "text2token")
+    full = motionary.load(models, "cpu")
+    assert full.offering(TEXT_TO_MOTION) == ("text2token", "retrieval")
+    assert full.generate("walk")[0].frames
 
 
 def test_a_search_without_its_corpus_says_so(pipeline, tmp_path):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -51,3 +54,16 @@ def test_crop_keeps_rate_skeleton_and_rotations():
     for span in ((3, 3), (-1, 2), (0, 6)):
         with pytest.raises(InputError, match="crop"):
             motion.crop(*span)
+
+
+def test_whoever_imports_the_module_alone_can_save(tmp_path):
+    """The writers are handed in without being loaded, and load when a motion is saved."""
+    code = (
+        "import sys\n"
+        "from motionary.motion.motion import Motion\n"
+        "from motionary.motion.skeleton import Skeleton\n"
+        "assert 'motionary.formats' not in sys.modules\n"
+        f"Motion([[[0.5] * 3] * 22] * 4, 20, Skeleton.named('smpl22')).save({str(tmp_path / 'a.npy')!r})\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), np.full((4, 22, 3), 0.5))

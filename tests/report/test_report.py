@@ -36,7 +36,7 @@ def generator_report(noise: float) -> dict:
     share = {"confirmed": 0.75, "checked": 20}
     return {
         "system": "x",
-        "evaluator": "abc123",
+        "judge": "abc123",
         "generation": judged(noise),
         "real": judged(0.1),
         "physics": {"generated": {"foot_skating": 0.07}, "real": {"foot_skating": 0.03}},
@@ -55,7 +55,7 @@ def captioner_report() -> dict:
     words |= {"bert_score": 0.9, "bert_model": "small", "raw": {"bleu4": 0.4}}
     return {
         "system": "y",
-        "evaluator": "abc123",
+        "judge": "abc123",
         "language": {"all": words, "styled": words},
         "captioning": judged(0.5),
         "real": judged(0.1),
@@ -171,7 +171,7 @@ def test_captioners_are_compared_with_real_captions(reports):
 
 
 def test_reconstructed_motions_stand_among_the_generated(reports):
-    decoded = {"evaluator": "abc123", "reconstruction": judged(0.2), "real": judged(0.1)}
+    decoded = {"judge": "abc123", "reconstruction": judged(0.2), "real": judged(0.1)}
     decoded["reconstruction_oracle"] = {"all": {"confirmed": 0.75, "checked": 8}}
     (reports / "evaluation" / "codec.json").write_text(json.dumps(decoded))
     table = tables.text_to_motion(Results.read(reports))

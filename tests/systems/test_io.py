@@ -71,6 +71,10 @@ def test_bad_folders_are_named(saved, tmp_path):
         load_model(tmp_path / "nowhere")
     with pytest.raises(InputError, match="saved model"):
         model_hash(tmp_path)
+    with pytest.raises(InputError, match=r"must be a trained model; run `dvc repro motion2text` first$"):
+        load_model(folder / "motion2text" / "second")
+    with pytest.raises(InputError, match=r"must be a trained model$"):
+        load_model(folder / "foo")
     path = folder / "tokenizer" / "config.json"
     record = read_record(folder / "tokenizer")
     for change, rule in (

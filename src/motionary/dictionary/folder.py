@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.systems.protocols import TextMotionJudge
-from motionary.systems.registry import EMBED, offering, served_by
+from motionary.systems.registry import EMBED, TELLS, find, known, offering, served_by
 
 T = TypeVar("T")
 
@@ -29,17 +29,18 @@ class Folder:
 
     @property
     def systems(self) -> tuple[str, ...]:
-        """Names of what lies in the folder."""
-        return tuple(sorted(f.name for f in self.models.iterdir() if f.is_dir() and not f.name.startswith(".")))
+        """Names of the systems that lie in the folder; what else lies there is left alone."""
+        return tuple(sorted(name for name in known() if (self.models / name).is_dir()))
 
     def context(self, system: str) -> Context:
         """What a system knows of its data: skeleton, rate, codec, vocabulary."""
         from motionary.systems.io import CONFIG_FILE, read_record
 
         # What brings no config of its own knows what the system knows in whose space it lives.
-        name = next((n for n in reversed(served_by([system])) if (self.models / n / CONFIG_FILE).is_file()), system)
-        if not (self.models / name / CONFIG_FILE).is_file():
-            raise self._absent(name)
+        names = served_by([system])[::-1]
+        name = next((n for n in names if (self.models / n / CONFIG_FILE).is_file()), None)
+        if name is None:
+            raise self._absent(next((n for n in names if n not in self.systems), system))
         return self._once(name, "context", lambda: Context.from_json(read_record(self.models / name)["context"]))
 
     def offering(self, offer: str) -> tuple[str, ...]:
@@ -55,10 +56,14 @@ class Folder:
         """What the system `name`, or the usual one of the folder, offers."""
         from motionary.systems.io import open_system
 
-        name = name or next(iter(self.offering(offer) or offering(offer)))
-        if not (self.models / name).is_dir():
-            raise self._absent(name)
-        return self._once(name, offer, lambda: open_system(name, offer, self.models, self._on()))
+        here = self.offering(offer)
+        if name is not None and name not in known():
+            rule = f"must be one of {', '.join(here)}" if here else f"none of these models can {TELLS[offer]}"
+            raise InputError("system", name, rule)
+        chosen = name or (here or offering(offer))[0]
+        if chosen not in self.systems:
+            raise self._absent(chosen)
+        return self._once(chosen, offer, lambda: open_system(chosen, offer, self.models, self._on()))
 
     def _on(self) -> str:
         """The device to run on."""
@@ -76,4 +81,5 @@ class Folder:
             return self._opened[name, what]
 
     def _absent(self, name: str) -> InputError:
-        return InputError("system", name, f"not part of these models; run `dvc repro {name}`")
+        stage = "" if find(name).package else f"; run `dvc repro {name}`"  # other packages bring no stage of ours
+        return InputError("system", name, f"not part of these models{stage}")

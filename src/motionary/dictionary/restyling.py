@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from motionary.corpus.encoding import encode, listed
+from motionary.corpus.encoding import as_motion, encode, listed
 from motionary.errors import InputError, check_whole
 from motionary.motion import Motion
-
-if TYPE_CHECKING:
-    from motionary.systems.stylization.style_transfer import StyleTransfer
+from motionary.systems.protocols import Made, MotionStylizer
 
 
 def stylize(
-    transfer: StyleTransfer,
+    transfer: MotionStylizer,
     motions: Sequence[Motion],
     style: str | None,
     reference: Motion | None,
@@ -45,7 +43,7 @@ def stylize(
 
 
 def interpolate(
-    transfer: StyleTransfer, motion: Motion, first: str | Motion, second: str | Motion, steps: int, seed: int
+    transfer: MotionStylizer, motion: Motion, first: str | Motion, second: str | Motion, steps: int, seed: int
 ) -> list[Motion]:
     """The motion in `steps` styles from the first to the second; see the dictionary's method."""
     import torch
@@ -71,7 +69,7 @@ def interpolate(
     return _motions(transfer, transfer.generate([content] * steps, mixed, setting=setting))
 
 
-def label_of(transfer: StyleTransfer, style: str) -> int:
+def label_of(transfer: MotionStylizer, style: str) -> int:
     """Id of a style's name; InputError lists the known ones, or says that there are none."""
     transfer.model("supervised")
     if not isinstance(style, str) or style not in transfer.styles:
@@ -79,14 +77,13 @@ def label_of(transfer: StyleTransfer, style: str) -> int:
     return transfer.styles.index(style)
 
 
-def _reference(transfer: StyleTransfer, reference: Motion) -> np.ndarray:
+def _reference(transfer: MotionStylizer, reference: Motion) -> np.ndarray:
     (motion,) = listed(reference, Motion, "reference")
     return encode(motion, transfer.context, whole=True)
 
 
-def _motions(transfer: StyleTransfer, features: Sequence[np.ndarray]) -> list[Motion]:
-    codec = transfer.context.make_codec()
-    return [codec.decode(f, fps=transfer.fps) for f in features]
+def _motions(transfer: MotionStylizer, made: Sequence[Made]) -> list[Motion]:
+    return [as_motion(features, transfer.context) for features in made]
 
 
 def _seed(seed: int, variant: int) -> int:

@@ -31,7 +31,7 @@ def score_system(
     search: CorpusSearch = open_system(offering(SEARCH)[0], SEARCH, models, device)
     judge, items = search.judge, Items(corpus)
     judge.batch_size = protocol.batch_size
-    report: dict[str, Any] = {"system": name, "evaluator": judge.hash, "corpus": corpus.hash, "items": len(items)}
+    report: dict[str, Any] = {"system": name, "judge": judge.hash, "corpus": corpus.hash, "items": len(items)}
     if TEXT_TO_MOTION in offers:
         generator = open_system(name, TEXT_TO_MOTION, models, device)
         nearest = search.index.motions[corpus.rows("train")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.lazy import save
 from motionary.motion.skeleton import Skeleton
 
 
@@ -73,21 +73,11 @@ class Motion:
 
     def save(self, path: Path | str, **options: Any) -> None:
         """Write to a file by its extension: .bvh .npy .npz .glb .mp4 .gif .html (options go to that format)."""
-        _save(self, path, **options)
+        save(self, path, **options)
 
     def __repr__(self) -> str:
         rotations = "" if self.rotations is None else ", rotations"
         return f"Motion({self.frames} frames, {self.fps:g} fps, {self.skeleton.name}{rotations})"
-
-
-def save_with(save: Callable[..., None]) -> None:
-    """Hands in what :meth:`Motion.save` calls; the package does, since formats stand on this module."""
-    global _save
-    _save = save
-
-
-def _save(motion: Motion, path: Path | str, **options: Any) -> None:
-    raise RuntimeError("import motionary, which hands in the writers")
 
 
 def _number(value: Any) -> float:

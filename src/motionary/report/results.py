@@ -44,7 +44,7 @@ class Results:
     @property
     def evaluators(self) -> list[str]:
         """Hashes of the evaluators that judged the systems: one, unless reports of several runs are mixed."""
-        return sorted({report["evaluator"] for report in self.systems.values() if "evaluator" in report})
+        return sorted({report["judge"] for report in self.systems.values() if "judge" in report})
 
 
 def at(report: Any, *keys: str) -> Any:

@@ -19,7 +19,7 @@ from torch import nn
 
 from motionary.corpus.context import Context
 from motionary.errors import InputError
-from motionary.systems.registry import TELLS, System, find
+from motionary.systems.registry import TELLS, System, find, known
 
 WEIGHTS, CONFIG_FILE = "model.safetensors", "config.json"
 
@@ -55,7 +55,10 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     """The `config.json` of a saved model: {"system", "config", "context"}."""
     path = Path(folder) / CONFIG_FILE
     if not path.is_file():
-        raise InputError(path, "missing", f"must be a trained model; run `dvc repro {Path(folder).name}` first")
+        # Members and settings of a system lie below its folder; another package's system has no stage of ours.
+        stages = (part for part in reversed(path.parts) if part in known() and not known()[part].package)
+        told = next((f"; run `dvc repro {stage}` first" for stage in stages), "")
+        raise InputError(path, "missing", f"must be a trained model{told}")
     try:
         record = json.loads(path.read_text())
         return {key: record[key] for key in ("system", "config", "context")}

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from torch import Tensor
 
 from motionary.corpus.context import Context
 from motionary.corpus.store import Corpus
 from motionary.language import Sentence
 from motionary.motion import Motion
+
+if TYPE_CHECKING:  # the page and the shell look offers up without torch
+    from torch import Tensor
 
 # What a generator hands out: features of the corpus's codec, or, where a system has features of its own, a Motion.
 Made = np.ndarray | Motion
@@ -112,6 +114,48 @@ class TextMotionJudge(Protocol):
 
     def sentences(self, sentences: Sequence[Sentence]) -> np.ndarray:
         """(N, E) features of sentences."""
+        ...
+
+
+class MotionStylizer(Protocol):
+    """Motions in other styles. A setting is "supervised" (labels) or "unsupervised" (references, or draws alone).
+
+    Attributes:
+        context: of the corpus that it learned from.
+        styles: known labels; a label id is a position in them.
+    """
+
+    context: Context
+    styles: tuple[str, ...]
+
+    def model(self, setting: str) -> Any:
+        """The network of a setting, whose ``config.style_dim`` is the length of a style code; InputError where it was
+        not trained."""
+        ...
+
+    def stylize(
+        self,
+        contents: Sequence[np.ndarray],
+        *,
+        setting: str,
+        seeds: Sequence[int],
+        labels: Sequence[int] | None = None,
+        references: Sequence[np.ndarray] | None = None,
+        strength: float = 1.0,
+    ) -> Sequence[Made]:
+        """Each content in a style: of its label, of its reference, or drawn by its seed; as long as the content."""
+        ...
+
+    def style_codes(self, motions: Sequence[np.ndarray], *, setting: str) -> np.ndarray:
+        """(N, E) float32 style codes of motions."""
+        ...
+
+    def style(self, codes: Tensor, labels: Sequence[int] | None, setting: str) -> Tensor:
+        """(N, W) styles of codes (N, E), which may be mixed linearly."""
+        ...
+
+    def generate(self, contents: Sequence[np.ndarray], style: Tensor, *, setting: str) -> Sequence[Made]:
+        """Each content in the style of its row (N, W)."""
         ...
 
 

@@ -146,7 +146,10 @@ def known() -> dict[str, System]:
     """Every system by name: the project's own, then those of installed packages. A name taken twice is an error."""
     found = {system.name: system for system in SYSTEMS}
     for point in entry_points(group=ENTRY_POINTS):
-        system = point.load()
+        try:
+            system = point.load()
+        except (ImportError, AttributeError) as error:
+            raise InputError(f"entry point {point.name}", point.value, f"cannot be loaded: {error}") from None
         if not isinstance(system, System):
             raise InputError(f"entry point {point.name}", point.value, "must name a motionary.systems.registry.System")
         if system.name in found:
@@ -164,9 +167,9 @@ def find(name: str) -> System:
 
 
 def offering(offer: str, among: Iterable[str] | None = None) -> tuple[str, ...]:
-    """Names of the systems (of `among`, where given) that offer something, the preferred one first."""
-    names = known() if among is None else [name for name in among if name in known()]
-    found = [name for name in names if offer in known()[name].offers]
+    """Names of the systems (of `among`, where given) that offer something: the preferred one, then as declared."""
+    wanted = known() if among is None else set(among)
+    found = [name for name, system in known().items() if name in wanted and offer in system.offers]
     return tuple(sorted(found, key=lambda name: name != PREFERRED.get(offer)))
 
 

@@ -1,0 +1,47 @@
+"""``motionary convert``: one motion file into another format."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from motionary.cli import options as shared
+from motionary.cli.command import Command
+from motionary.cli.outputs import add_force, captioned, known_extension
+
+
+def _arguments(add: argparse.ArgumentParser) -> None:
+    add.add_argument("source", metavar="IN", help="bvh, amc, npz or npy")
+    add.add_argument("target", metavar="OUT", help="bvh, npz, npy, glb, mp4, gif or html")
+    add.add_argument("--fps", type=float, help="rate of the result")
+    add.add_argument("--source-fps", type=float, help="rate of a file that does not say it (npy)")
+    add.add_argument("--skeleton", help="retarget to smpl22 or kit21")
+    add.add_argument("--caption", help="shown in mp4, gif and html")
+    add_force(add, "an existing file")
+    shared.add_rig(add)
+    shared.add_cut(add)
+
+
+def _run(options: argparse.Namespace) -> None:
+    """One motion file into another format."""
+    from motionary.files import writable
+    from motionary.formats import read_motion, write_motion
+    from motionary.motion import Skeleton, resample, retarget
+
+    extension = known_extension(Path(options.target).suffix or "none")
+    writable(options.target, options.force)
+    motion = shared.cut(read_motion(options.source, options.mapping, fps=options.source_fps), options)
+    if options.skeleton is not None:
+        motion = retarget(motion, Skeleton.named(options.skeleton))
+    if options.fps is not None:
+        motion = resample(motion, options.fps)
+    print(write_motion(motion, options.target, force=options.force, **captioned(extension, options.caption)))
+
+
+COMMAND = Command(
+    "convert",
+    "Turn a motion file into another format.",
+    _arguments,
+    _run,
+    ("motionary convert in.bvh out.glb --fps 30", 'motionary convert walk.npz walk.mp4 --caption "a walk"'),
+)

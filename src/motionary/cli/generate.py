@@ -1,0 +1,92 @@
+"""``motionary generate``: motions from text."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from motionary.cli import options as shared
+from motionary.cli.command import Command
+from motionary.cli.outputs import Outputs, add_outputs, variants
+
+if TYPE_CHECKING:
+    from motionary.dictionary import Dictionary
+    from motionary.motion import Motion
+
+CHUNK = 128  # motions generated and written before the next are begun, so that memory does not grow with the prompts
+
+
+def _arguments(add: argparse.ArgumentParser) -> None:
+    shared.add_prompts(add)
+    add.add_argument("-n", type=shared.count, default=1, help="motions for each prompt (1)")
+    add.add_argument("--seconds", type=float, help="length; the system decides where not given")
+    shared.add_system(add)
+    add_outputs(add)
+    add.add_argument("--temperature", type=float, help="of sampling")
+    add.add_argument("--top-p", type=float, help="of sampling")
+    add.add_argument("--style", metavar="NAME", help="stylize the result")
+    shared.add_seed(add)
+    shared.add_models(add)
+    shared.add_json(add)
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Motions for prompts, each in every format asked for."""
+    from tqdm import tqdm
+
+    prompts = shared.read_prompts(options)
+    names = _names(prompts, options.n)
+    outputs = Outputs(options, (name for row in names for name in row))
+    dictionary = shared.open_models(options)
+    rows: list[dict[str, Any]] = []
+    total = len(prompts) * options.n
+    with tqdm(total=total, unit="motion", desc="generate", disable=total < 4) as bar:
+        made = _generated(dictionary, prompts, options)
+        for text, row, motions in zip(prompts, names, made, strict=True):
+            what = {"text": text, "read_as": dictionary.read_as(text), "seed": options.seed}
+            for variant, (name, motion) in enumerate(zip(row, motions, strict=True)):
+                seconds, files = round(motion.duration, 3), outputs.write(motion, name, text)
+                rows.append(what | {"variant": variant, "seconds": seconds, "files": files})
+                bar.update()
+    shared.show(options, rows, [file for row in rows for file in row["files"]])
+
+
+def _generated(dictionary: Dictionary, prompts: Sequence[str], options: argparse.Namespace) -> Iterator[list[Motion]]:
+    """The variants of each prompt, in the style asked for; a chunk of prompts is generated together."""
+    chosen = {key: value for key in ("temperature", "top_p") if (value := getattr(options, key)) is not None}
+    chunk = max(1, CHUNK // options.n)
+    for first in range(0, len(prompts), chunk):
+        part = prompts[first : first + chunk]
+        for motions in dictionary.generate(part, options.n, options.seconds, options.system, options.seed, **chosen):
+            yield motions if options.style is None else _restyled(dictionary, motions, options)
+
+
+def _restyled(dictionary: Dictionary, motions: Sequence[Motion], options: argparse.Namespace) -> list[Motion]:
+    """Generated motions in the style asked for, each variant with a draw of its own."""
+    draws = (dictionary.stylize(m, options.style, seed=options.seed + k) for k, m in enumerate(motions))
+    return [motion for (motion,) in draws]
+
+
+def _names(prompts: Sequence[str], n: int) -> list[list[str]]:
+    """Names of the files of each prompt, without extension: numbered where there are several."""
+    width, names = len(str(len(prompts) - 1)), []
+    for i, text in enumerate(prompts):
+        slug = re.sub(r"[^a-z0-9]+", "-", text.lower())[:48].strip("-") or "motion"
+        names.append(variants(slug if len(prompts) == 1 else f"{i:0{width}d}-{slug}", n))
+    return names
+
+
+COMMAND = Command(
+    "generate",
+    "Make motions from text.",
+    _arguments,
+    _run,
+    (
+        'motionary generate "a person waves with the left hand" -n 3 --seed 0 --out out --format bvh,glb,mp4',
+        "motionary generate --file prompts.txt --seconds 4 --json",
+        'echo "a person jumps" | motionary generate',
+        'motionary generate "a person walks" --style old',
+    ),
+)

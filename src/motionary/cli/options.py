@@ -1,0 +1,139 @@
+"""Options that several commands share: each is added here, and what it asks for is done here."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from motionary.errors import InputError
+
+if TYPE_CHECKING:
+    from motionary.dictionary import Dictionary
+    from motionary.motion import Motion
+
+_READ = "bvh, amc, npz or npy"
+
+
+def count(text: str) -> int:
+    """The type of an option: a whole number of at least 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value}: must be at least 1")
+    return value
+
+
+count.__name__ = "whole number"  # argparse names the type in its messages
+
+
+# The models that answer -------------------------------------------------------------------------------------------
+
+
+def add_models(add: argparse.ArgumentParser) -> None:
+    """--models and --device, for :func:`open_models`."""
+    add.add_argument("--models", default="models", metavar="FOLDER", help="what `dvc repro` built (models)")
+    add.add_argument("--device", default="auto", help="auto, cpu or cuda")
+
+
+def add_seed(add: argparse.ArgumentParser) -> None:
+    """--seed."""
+    add.add_argument("--seed", type=int, default=0, help="equal seeds repeat on one machine (0)")
+
+
+def add_system(add: argparse.ArgumentParser) -> None:
+    """--system."""
+    add.add_argument("--system", help="which system answers (the usual one)")
+
+
+def open_models(options: argparse.Namespace) -> Dictionary:
+    """The dictionary of --models."""
+    from motionary.dictionary import load
+
+    return load(options.models, options.device)
+
+
+# Prompts ----------------------------------------------------------------------------------------------------------
+
+
+def add_prompts(add: argparse.ArgumentParser) -> None:
+    """PROMPT and --file, for :func:`read_prompts`."""
+    add.add_argument("prompts", nargs="*", metavar="PROMPT", help="an English text; - reads standard input")
+    add.add_argument("--file", metavar="FILE", help="prompts from a text file, one a line")
+
+
+def read_prompts(options: argparse.Namespace) -> list[str]:
+    """Prompts of the command line, of --file, or of standard input ("-", or nothing given), one a line."""
+    from motionary.language import check_prompt
+
+    given, file = options.prompts, options.file
+    if given and given != ["-"]:
+        if file is not None:
+            raise InputError("--file", file, "give prompts or a file of them, not both")
+        return [check_prompt(text, "prompt") for text in given]
+    if file is None and not given and sys.stdin.isatty():
+        raise InputError("prompt", "none", "give one, or --file, or lines on standard input")
+    where = "standard input" if file in (None, "-") else str(file)
+    try:
+        text = sys.stdin.read() if where == "standard input" else Path(where).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(where, error, "must be a text file with one prompt a line") from None
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if not lines:
+        raise InputError(where, "empty", "must hold one prompt a line")
+    return [check_prompt(line, f"{where}, line {number}") for number, line in lines]
+
+
+# Motion files -----------------------------------------------------------------------------------------------------
+
+
+def add_files(add: argparse.ArgumentParser, told: str = "") -> None:
+    """FILE, one or several, and --fps; `told` goes on about the files."""
+    add.add_argument("files", nargs="+", metavar="FILE", help=f"{_READ}{told}")
+    add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
+
+
+def add_rig(add: argparse.ArgumentParser) -> None:
+    """--mapping."""
+    told = "JSON with the joint's name by role, for a rig that is not known"
+    add.add_argument("--mapping", metavar="FILE", help=told)
+
+
+def add_cut(add: argparse.ArgumentParser) -> None:
+    """--start and --end, for :func:`cut`."""
+    add.add_argument("--start", type=float, help="seconds from which the motion counts")
+    add.add_argument("--end", type=float, help="seconds up to which it counts")
+
+
+def read_files(options: argparse.Namespace) -> list[Motion]:
+    """The motions of FILE, cut."""
+    from motionary.formats import read_motion
+
+    return [cut(read_motion(path, options.mapping, fps=options.fps), options) for path in options.files]
+
+
+def cut(motion: Motion, options: argparse.Namespace) -> Motion:
+    """The seconds from --start to --end."""
+    if options.start is None and options.end is None:
+        return motion
+    start, end = options.start or 0.0, motion.duration if options.end is None else options.end
+    if not 0 <= start < end <= motion.duration + 1e-6:
+        rule = f"must be 0 <= start < end <= {motion.duration:.3f}"
+        raise InputError("--start, --end", f"{start:g} to {end:g} s", rule)
+    first = round(start * motion.fps)
+    return motion.crop(first, max(first + 1, min(motion.frames, round(end * motion.fps))))
+
+
+# What is printed --------------------------------------------------------------------------------------------------
+
+
+def add_json(add: argparse.ArgumentParser) -> None:
+    """--json, for :func:`show`."""
+    add.add_argument("--json", action="store_true", help="print JSON")
+
+
+def show(options: argparse.Namespace, rows: Sequence[dict[str, Any]], lines: Sequence[str]) -> None:
+    """Prints rows as JSON where asked, lines otherwise."""
+    print(json.dumps(rows, indent=1, ensure_ascii=False) if options.json else "\n".join(lines))

@@ -1,0 +1,74 @@
+"""Motions that a command leaves as files: in which folder, in which formats, under which names."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from motionary.errors import InputError
+
+if TYPE_CHECKING:
+    from motionary.motion import Motion
+
+_TITLED = (".mp4", ".gif", ".html")  # formats that show a caption
+
+
+def add_outputs(add: argparse.ArgumentParser) -> None:
+    """--out, --format and --force, for :class:`Outputs`."""
+    add.add_argument("--out", default=".", metavar="FOLDER", help="where the files go (here)")
+    add.add_argument("--format", default="bvh", metavar="A,B", help="bvh, npz, npy, glb, mp4, gif, html (bvh)")
+    add_force(add, "existing files")
+
+
+def add_force(add: argparse.ArgumentParser, what: str) -> None:
+    """--force, which replaces `what`."""
+    add.add_argument("--force", action="store_true", help=f"replace {what}")
+
+
+def known_extension(name: str) -> str:
+    """The extension of a format's name; InputError lists those that can be written."""
+    from motionary.formats import WRITERS
+
+    extension = f".{name.strip().lstrip('.').lower()}"
+    if extension not in WRITERS:
+        known = " ".join(name.lstrip(".") for name in WRITERS)
+        raise InputError("format", extension.lstrip("."), f"must be among: {known}")
+    return extension
+
+
+def captioned(extension: str, text: str | None) -> dict[str, Any]:
+    """The writer's option that shows a text, where the format shows one."""
+    return {"captions": text} if text and extension in _TITLED else {}
+
+
+class Outputs:
+    """Files of motions in each format asked for.
+
+    Raises:
+        InputError: an unknown format, or a name of `names` that cannot be written: before anything is computed.
+    """
+
+    def __init__(self, options: argparse.Namespace, names: Iterable[str]):
+        from motionary.files import writable
+
+        self.folder, self.force = Path(options.out), options.force
+        self.extensions = list(dict.fromkeys(known_extension(name) for name in options.format.split(",")))
+        for name in names:
+            for extension in self.extensions:
+                writable(self.folder / f"{name}{extension}", self.force)
+
+    def write(self, motion: Motion, name: str, text: str | None = None) -> list[str]:
+        """Writes a motion under a name, with a text where the format shows one, and names the files."""
+        from motionary.formats import write_motion
+
+        return [
+            str(write_motion(motion, self.folder / f"{name}{e}", force=self.force, **captioned(e, text)))
+            for e in self.extensions
+        ]
+
+
+def variants(name: str, n: int) -> list[str]:
+    """The names of n variants: numbered where there are several."""
+    return [name] if n == 1 else [f"{name}-{k}" for k in range(n)]

@@ -1,0 +1,68 @@
+"""``motionary stylize``: motion files in another style."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from motionary.cli import options as shared
+from motionary.cli.command import Command
+from motionary.cli.outputs import Outputs, add_outputs, variants
+
+
+def _arguments(add: argparse.ArgumentParser) -> None:
+    shared.add_files(add, ", of any length")
+    add.add_argument("--style", metavar="NAME", help="of the training clips; with neither style nor reference: random")
+    add.add_argument("--reference", metavar="FILE", help="a motion in the wanted style, of a second or two at least")
+    add.add_argument("--strength", type=float, default=1.0, help="0 keeps the motion, 1 is the whole style (1)")
+    add.add_argument("-n", type=shared.count, default=1, help="variants of each; a reference has only one (1)")
+    add_outputs(add)
+    shared.add_rig(add)
+    shared.add_cut(add)
+    shared.add_seed(add)
+    shared.add_models(add)
+    shared.add_json(add)
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Motion files in another style, in every format asked for."""
+    from motionary.formats import read_motion
+
+    names = _names(options)
+    outputs = Outputs(options, (name for row in names for name in row))
+    motions, reference = shared.read_files(options), None
+    if options.reference is not None:
+        reference = read_motion(options.reference, options.mapping, fps=options.fps)
+    dictionary = shared.open_models(options)
+    found = dictionary.stylize(motions, options.style, reference, options.n, options.seed, options.strength)
+    rows: list[dict[str, Any]] = []
+    for path, row, made in zip(options.files, names, found, strict=True):
+        for variant, (name, motion) in enumerate(zip(row, made, strict=True)):
+            what = {"file": path, "style": options.style, "reference": options.reference, "seed": options.seed}
+            seconds = round(motion.duration, 3)
+            rows.append(what | {"variant": variant, "seconds": seconds, "files": outputs.write(motion, name)})
+    shared.show(options, rows, [file for row in rows for file in row["files"]])
+
+
+def _names(options: argparse.Namespace) -> list[list[str]]:
+    """Names of the results of each file, without extension: the file's own, numbered where two are alike, and the
+    style's."""
+    told = options.style or (Path(options.reference).stem if options.reference else "restyled")
+    stems = [Path(path).stem for path in options.files]
+    if len(set(stems)) < len(stems):
+        stems = [f"{i}-{stem}" for i, stem in enumerate(stems)]
+    return [variants(f"{stem}-{told}", options.n) for stem in stems]
+
+
+COMMAND = Command(
+    "stylize",
+    "Give motions another style.",
+    _arguments,
+    _run,
+    (
+        "motionary stylize walk.bvh --style old --out out --format bvh,glb",
+        "motionary stylize walk.bvh --reference limp.bvh",
+        "motionary stylize walk.bvh -n 3 --seed 1",
+    ),
+)
