@@ -1,14 +1,20 @@
-"""Where files are opened and written: one clear line on a bad path, and never a half-written file."""
+"""Where files and folders are read and written: one clear line on a bad path, and nothing half-written."""
 
 from __future__ import annotations
 
+import errno
 import os
-import tempfile
+import re
+import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from motionary.errors import InputError
+
+UNFINISHED = ".unfinished-"  # how names begin that only a killed process leaves: `find . -name ".unfinished-*"`
+_REFUSALS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
 
 
 def readable(path: str | os.PathLike) -> Path:
@@ -59,32 +65,103 @@ def writable(path: str | os.PathLike, force: bool = True) -> Path:
 
 
 @contextmanager
-def atomic(path: str | os.PathLike, force: bool = True) -> Iterator[Path]:
+def atomic_file(path: str | os.PathLike, force: bool = True) -> Iterator[Path]:
     """A temporary path beside `path`, with the same extension, that replaces it only if the block succeeds.
 
+    The content is on the disk before it takes the name, so that a power cut leaves the old file or the new one whole.
+
     Raises:
-        InputError: see `writable`.
+        InputError: see `writable`; or the disk is full or not writable, in the block too.
     """
     path = writable(path, force)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem[:40]}.", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise InputError(path, error.strerror or error, "cannot be written") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        # mkstemp makes files private; give the result the permissions that a plain open() would have given.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    temporary = _beside(path)
+    with _told(path, temporary):
+        # Not tempfile: it makes private files, and the mask of a process can only be asked by changing it.
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL, 0o666))
+        try:
+            yield temporary
+            _flush(temporary)
+            os.replace(temporary, path)
+            _flush(path.parent)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: str | os.PathLike) -> Iterator[Path]:
+    """A new folder beside `path` that takes its place, with all it holds, only if the block succeeds.
+
+    No system call replaces a folder that holds files: the old one moves aside first, and comes back if the new one
+    cannot take its place. A process killed between these two leaves the old one beside, under `UNFINISHED`.
+
+    Raises:
+        InputError: `path` is a file, or the disk is full or not writable, in the block too.
+    """
+    path = Path(path)
+    for place in (path, *path.parents):
+        if place.is_file():
+            raise InputError(place, "a file", "must be a folder")
+    temporary, old = _beside(path), _beside(path)
+    with _told(path, temporary):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.mkdir()
+        try:
+            yield temporary
+            for inner in (*temporary.rglob("*"), temporary):
+                _flush(inner)
+            _swap(temporary, path, old)
+            _flush(path.parent)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
 
 
 def write_bytes(path: str | os.PathLike, data: bytes | str, force: bool = True) -> Path:
-    """Write a whole file atomically."""
-    with atomic(path, force) as temporary:
+    """Write a whole file atomically; text as UTF-8."""
+    with atomic_file(path, force) as temporary:
         temporary.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
     return Path(path)
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f"{UNFINISHED}{secrets.token_hex(4)}-{path.stem[:40]}{path.suffix}")
+
+
+def _swap(new: Path, path: Path, old: Path) -> None:
+    if path.exists() or path.is_symlink():
+        os.replace(path, old)
+        try:
+            os.replace(new, path)
+        except OSError:
+            os.replace(old, path)
+            raise
+        # A link, as DVC makes them, goes alone: what it points to is not ours.
+        old.unlink() if old.is_symlink() else shutil.rmtree(old, ignore_errors=True)
+    else:
+        os.replace(new, path)
+
+
+@contextmanager
+def _told(path: Path, temporary: Path) -> Iterator[None]:
+    """Turns the disk's refusals of `temporary`, and no other errors, into an InputError that names `path`."""
+    try:
+        yield
+    except Exception as error:
+        # safetensors writes in Rust, and says the system's number in words only.
+        number = getattr(error, "errno", None) or int((re.findall(r"\(os error (\d+)\)", str(error)) or [0])[-1])
+        # A failed write names no file; a failed open names the one it is about, which may be an input of the block.
+        named = str(getattr(error, "filename", None) or "")
+        ours = not named or named.startswith(str(temporary)) or str(path).startswith(named)
+        if number not in _REFUSALS or not ours:
+            raise
+        raise InputError(path, os.strerror(number), "cannot be written") from None
+
+
+def _flush(path: Path) -> None:
+    """Have the disk keep a file's content, or a folder's list of names."""
+    if path.is_dir() and os.name != "posix":
+        return
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

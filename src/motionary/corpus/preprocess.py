@@ -5,11 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
-import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,6 +27,7 @@ from motionary.corpus.workers import Encoded, Recipe, clip_labels, encode_clip, 
 from motionary.corpus.writing import FrameWriter, RunningStatistics, group_deviation
 from motionary.errors import InputError
 from motionary.features import UNIT, codec
+from motionary.files import atomic_folder
 from motionary.language import Sentence, Vocabulary, annotate, mirror_text, sentence_from_tokens
 from motionary.motion import Skeleton
 
@@ -63,7 +61,7 @@ def preprocess(
     rule = Rule(config.fps, config.min_seconds, config.max_seconds, UNIT)
     recipe = Recipe(config.skeleton, config.codec, rule, config.mirror)
     jobs = [(clip, splits[clip.id], recipe) for clip in clips]
-    with _atomic_folder(Path(out)) as folder:
+    with atomic_folder(Path(out)) as folder:
         build = _Build(folder, config, rule, problems, f"{root}/")
         for (_, split, _), encoded in zip(
             jobs, _bar(in_order(encode_clip, jobs, workers), clips, "preprocess", progress), strict=True
@@ -264,22 +262,3 @@ class _Build:
             "problem_count": len(self.problems),
             "problems": problem_rows(self.problems, self.prefix),
         }
-
-
-@contextmanager
-def _atomic_folder(out: Path) -> Iterator[Path]:
-    """A folder beside `out` that takes its place when the block ends well, and vanishes when it does not."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    folder.chmod(0o755)
-    try:
-        yield folder
-        if out.exists():
-            old = Path(tempfile.mkdtemp(prefix=f".{out.name}-old-", dir=out.parent))
-            os.replace(out, old / out.name)
-            os.replace(folder, out)
-            shutil.rmtree(old)
-        else:
-            os.replace(folder, out)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from motionary.errors import InputError
+from motionary.files import atomic_folder, write_bytes
 
 # Which stage writes a path that another stage reads; anything else under models/ is written by its namesake.
 _WRITERS = {"data/corpus": "preprocess", "data/sources": "source"}
@@ -50,29 +50,13 @@ class Workspace:
             raise InputError(relative, "missing", f"run `dvc repro {stage}` first")
         return path
 
-    @contextmanager
-    def publish(self, relative: str) -> Iterator[Path]:
+    def publish(self, relative: str) -> AbstractContextManager[Path]:
         """A temporary folder that becomes the output `relative` when the block ends without an error."""
-        final = self.target / relative
-        final.parent.mkdir(parents=True, exist_ok=True)
-        temporary = final.with_name(f".{final.name}.{os.getpid()}")
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir()
-        try:
-            yield temporary
-            shutil.rmtree(final, ignore_errors=True)
-            os.replace(temporary, final)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+        return atomic_folder(self.target / relative)
 
     def write_json(self, relative: str, values: Mapping[str, Any]) -> Path:
         """Writes `values` to the output file `relative`, atomically."""
-        final = self.target / relative
-        final.parent.mkdir(parents=True, exist_ok=True)
-        temporary = final.with_name(f".{final.name}.{os.getpid()}")
-        temporary.write_text(json.dumps(values, indent=1, allow_nan=False) + "\n")
-        os.replace(temporary, final)
-        return final
+        return write_bytes(self.target / relative, json.dumps(values, indent=1, allow_nan=False) + "\n")
 
 
 def content_hash(*paths: Path) -> str:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from motionary.errors import InputError
+from motionary.files import atomic_folder, write_bytes
 from motionary.pipeline.dependencies import code_hash
 from motionary.study.compare import comparisons, measured, study_tables
 from motionary.study.experiments import (
@@ -84,22 +84,18 @@ def experiment_reader(root: Path, experiment: Experiment) -> Callable[[str], str
 
 def collect(root: Path, experiment: Experiment, reports: Sequence[str], read: Callable[[str], str]) -> None:
     """Copies an experiment's reports to its folder, which appears whole or not at all."""
-    final = root / FOLDER / experiment.name
-    temporary = final.with_name(f".{final.name}.{os.getpid()}")
-    shutil.rmtree(temporary, ignore_errors=True)
-    for path in reports:
-        target = temporary / Path(path).relative_to("reports")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(read(path), encoding="utf-8")
     record = {
         "key": experiment.key,
         "overrides": experiment.overrides,
         "systems": experiment.systems,
         "dvc_experiment": experiment.reference,
     }
-    (temporary / RECORD).write_text(json.dumps(record, indent=1) + "\n")
-    shutil.rmtree(final, ignore_errors=True)
-    os.replace(temporary, final)
+    with atomic_folder(root / FOLDER / experiment.name) as folder:
+        for path in reports:
+            target = folder / Path(path).relative_to("reports")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(read(path), encoding="utf-8")
+        (folder / RECORD).write_text(json.dumps(record, indent=1) + "\n")
 
 
 def write_results(root: Path, study: Study) -> str:
@@ -123,13 +119,9 @@ def write_results(root: Path, study: Study) -> str:
         }
         for e in done
     }
-    folder = root / FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
     summary = {"experiments": experiments, "differences": found, "missing": [e.name for e in missing]}
-    for name, content in (("table.md", text), ("study.json", json.dumps(summary, indent=1) + "\n")):
-        temporary = folder / f".{name}.{os.getpid()}"
-        temporary.write_text(content, encoding="utf-8")
-        os.replace(temporary, folder / name)
+    write_bytes(root / FOLDER / "table.md", text)
+    write_bytes(root / FOLDER / "study.json", json.dumps(summary, indent=1) + "\n")
     return text
 
 

@@ -5,9 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
-import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +16,7 @@ from torch import nn
 
 from motionary.corpus.context import Context
 from motionary.errors import InputError
+from motionary.files import atomic_file
 from motionary.systems.registry import TELLS, System, find, known
 
 WEIGHTS, CONFIG_FILE = "model.safetensors", "config.json"
@@ -35,20 +33,13 @@ def save_model(folder: str | Path, name: str, model: nn.Module, context: Context
     `model.config` must be the system's config dataclass; `context` says what the model knows of its data.
     """
     folder = Path(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
     record = {"system": name, "config": dataclasses.asdict(model.config), "context": context.to_json()}  # type: ignore[arg-type]
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
-        # Tied weights share memory, which safetensors refuses: each name gets its own copy.
-        tensors = {key: value.detach().cpu().contiguous().clone() for key, value in model.state_dict().items()}
-        save_file(tensors, temporary / WEIGHTS)
-        (temporary / CONFIG_FILE).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
-        os.chmod(temporary, 0o755)
-        folder.mkdir(exist_ok=True)
-        for file in (WEIGHTS, CONFIG_FILE):
-            os.replace(temporary / file, folder / file)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+    # Tied weights share memory, which safetensors refuses: each name gets its own copy.
+    tensors = {key: value.detach().cpu().contiguous().clone() for key, value in model.state_dict().items()}
+    # Both are written before either takes its name, so that an error leaves the pair that was there.
+    with atomic_file(folder / CONFIG_FILE) as config, atomic_file(folder / WEIGHTS) as weights:
+        save_file(tensors, weights)
+        config.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
 
 
 def read_record(folder: str | Path) -> dict[str, Any]:

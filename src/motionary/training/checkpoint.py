@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,8 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
+
+from motionary.files import atomic_file
 
 
 def save_checkpoint(
@@ -28,11 +29,9 @@ def save_checkpoint(
     tensors["random.cpu"] = torch.get_rng_state()
     if torch.cuda.is_available():
         tensors["random.cuda"] = torch.cuda.get_rng_state()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(f".{os.getpid()}.tmp")
     contiguous = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
-    save_file(contiguous, temporary, metadata={"numbers": json.dumps(numbers)})
-    os.replace(temporary, path)
+    with atomic_file(path) as temporary:
+        save_file(contiguous, temporary, metadata={"numbers": json.dumps(numbers)})
 
 
 def load_checkpoint(

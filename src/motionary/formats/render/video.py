@@ -14,7 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from motionary.errors import InputError
-from motionary.files import atomic
+from motionary.files import atomic_file
 from motionary.formats.render.scene import Scene
 from motionary.motion import Motion
 
@@ -59,7 +59,7 @@ def write_video(
     count = max(1, round(max(motion.duration for motion in motions) * fps))
     frames = (board.draw(i / fps) for i in range(count))
     frames = tqdm(frames, total=count, unit="frame", desc=path.name, disable=not progress)
-    with atomic(path, force) as temporary:
+    with atomic_file(path, force) as temporary:
         _encode(frames, board.shape, fps, temporary, gif)
     return path
 
@@ -118,7 +118,7 @@ def write_png(picture: np.ndarray, path: str | os.PathLike, force: bool = True) 
 
     if Path(path).suffix.lower() != ".png":
         raise InputError(path, Path(path).suffix, "a picture's name must end in .png")
-    with atomic(path, force) as temporary:
+    with atomic_file(path, force) as temporary:
         Image.fromarray(picture).save(temporary, format="PNG", optimize=True)
     return Path(path)
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from motionary.files import atomic
+from motionary.files import atomic_file
 from motionary.motion import Motion, foot_contacts
 
 
 def write_npy(motion: Motion, path: str | os.PathLike, force: bool = True) -> Path:
     """Write joint positions (T, J, 3) float32 alone: no rate, no joint names."""
-    with atomic(path, force) as temporary, open(temporary, "wb") as file:
+    with atomic_file(path, force) as temporary, open(temporary, "wb") as file:
         np.lib.format.write_array(file, np.ascontiguousarray(motion.positions), allow_pickle=False)
     return Path(path)
 
@@ -30,6 +30,6 @@ def write_npz(motion: Motion, path: str | os.PathLike, force: bool = True) -> Pa
         arrays["rotations"] = motion.rotations
     if motion.frames > 1:
         arrays["contacts"] = np.asarray(foot_contacts(motion), np.float32)
-    with atomic(path, force) as temporary, open(temporary, "wb") as file:
+    with atomic_file(path, force) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, **arrays)
     return Path(path)
