@@ -16,6 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from motionary.errors import InputError, check_whole
 from motionary.pipeline.dependencies import code_hash
+from motionary.pipeline.journal import JOURNALS
 from motionary.pipeline.tracking import Tracker, numbers
 from motionary.pipeline.workspace import Workspace, content_hash, values_hash
 from motionary.systems.registry import served_by
@@ -115,7 +116,7 @@ class Stage:
         """Removes the checkpoints of this stage's other trainings that ended well; a sweep's jobs keep each other's."""
         if self._sweep is None:
             for mark in self.cache.parent.glob(f"*/{FINISHED}"):
-                if mark.parent != self.cache:
+                if mark.parent != self.cache and not any(mark.parent.glob(JOURNALS)):  # rows that MLflow lacks
                     shutil.rmtree(mark.parent, ignore_errors=True)
 
     @property
@@ -131,8 +132,7 @@ class Stage:
             }
             params = self._read(*SHARED)
             run_name = "-".join(part for part in (self.name, self.label, tags["dvc.exp_name"]) if part)
-            resume = self.cache / "run_id.txt"
-            self._tracker = Tracker(self.workspace.home, self.name, run_name, params, tags, self._sweep, resume)
+            self._tracker = Tracker(self.workspace.home, self.name, run_name, params, tags, self.cache, self._sweep)
         return self._tracker
 
     # Outputs ----------------------------------------------------------------------------------------------------
