@@ -45,6 +45,7 @@ sweep: setup  ## an example sweep: two learning rates of the tokenizer, in paral
 	@python stages/tokenizer.py -m tokenizer.learning_rate=1e-4,3e-4 hydra/launcher=joblib
 
 mlflow: setup  ## the dashboard, at http://127.0.0.1:5000
+	@python -m motionary.pipeline.delivery || true
 	@mlflow ui --backend-store-uri sqlite:///$(CURDIR)/mlflow.db --host 127.0.0.1 --port $${PORT:-5000}
 
 app: setup  ## the dictionary in a browser
@@ -57,4 +58,4 @@ study: setup  ## seeds, second split, controls, ablations and baselines on the r
 	@python -m motionary.study
 
 clean:  ## remove outputs and caches of stages, keep the DVC cache and the tracking database
-	@rm -rf models data/corpus data/sources/root_* reports .cache outputs multirun
+	@rm -rf models data/corpus data/.corpus* data/sources/root_* reports .cache outputs multirun

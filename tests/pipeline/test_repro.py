@@ -1,5 +1,6 @@
 """`make repro`: independent stages side by side, with what DVC alone would do."""
 
+import json
 import os
 import signal
 import subprocess
@@ -150,6 +151,67 @@ def test_a_stopped_run_leaves_no_process_behind(project, sent, code):
     assert process.wait(timeout=300) == code
     assert log(project) == ["start a", "stopped a"]
     assert not (project / "a").exists()
+
+
+def alive(project):
+    """Processes that work in the project."""
+    import psutil
+
+    found = []
+    for process in psutil.process_iter():
+        try:
+            if process.pid != os.getpid() and process.cwd() == str(project) and process.status() != "zombie":
+                found.append(process)
+        except psutil.Error:
+            continue
+    return found
+
+
+def until(holds, seconds=120):
+    deadline = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def test_a_killed_run_takes_its_stages_along(project):
+    (project / "seconds").write_text("600")
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen([sys.executable, "-m", "motionary.pipeline.repro"], env=environment)
+    until(lambda: log(project) == ["start a"])
+    process.kill()
+    process.wait()
+    until(lambda: not alive(project))
+    assert log(project) == ["start a", "stopped a"]
+    (project / "seconds").write_text("0")
+    assert main([]) == 0  # and the next one goes on
+    assert (project / "d").exists()
+
+
+def test_a_run_waits_for_what_a_killed_one_left(project, capfd):
+    (project / "seconds").write_text("3")
+    other = subprocess.Popen([sys.executable, "-m", "dvc", "repro", "-q", "-s", "a"])
+    until(lambda: log(project) == ["start a"])
+    (project / "seconds").write_text("0")
+    assert main([]) == 0
+    assert other.wait() == 0
+    said = capfd.readouterr().err
+    assert f"process {other.pid} of an earlier run still runs here" in said
+    assert "rwlock" not in said
+    assert log(project)[:2] == ["start a", "end a"]
+    assert log(project).count("start a") == 1  # what it did is not done again
+
+
+def test_a_number_that_another_process_has_got_blocks_nothing(project):
+    (project / "seconds").write_text("0")
+    (project / ".dvc" / "tmp").mkdir(exist_ok=True)
+    with subprocess.Popen([sys.executable, "-c", "import sys; sys.stdin.read()"], stdin=-1) as stranger:
+        record = {"pid": stranger.pid, "cmd": "dvc repro a"}
+        lock = {"write": {str(project / "a"): record}, "read": {str(project / "source"): [record]}}
+        (project / ".dvc" / "tmp" / "rwlock").write_text(json.dumps(lock))
+        assert main([]) == 0
+        stranger.stdin.close()
+    assert (project / "d").exists()
 
 
 def test_a_pipeline_that_dvc_cannot_read_is_one_line(project, capsys):

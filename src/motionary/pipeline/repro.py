@@ -14,11 +14,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
 from motionary.errors import InputError
+from motionary.pipeline import guard
+from motionary.pipeline.leftovers import wait_for_running
 
 _POLL, _GRACE = 0.2, 60.0  # seconds between two looks at the stages, and for a stopped one to end by itself
 
@@ -102,8 +104,13 @@ class Runner:
             environment["TQDM_POSITION"] = str(slot)  # a line of its own for each progress bar
         command = [sys.executable, "-m", "dvc", "--wait-for-lock", "repro", "--single-item", stage]
         # A session of its own: DVC does not pass an interrupt on, so that all of a stage's processes must be reached.
-        self.processes.append(subprocess.Popen(command, cwd=self.root, env=environment, start_new_session=True))
-        return self.processes[-1]
+        # Its guard ends it where this process is killed, which the pipe tells.
+        guarded = [sys.executable, "-I", guard.__file__, *command]
+        started = subprocess.Popen(
+            guarded, cwd=self.root, env=environment, stdin=subprocess.PIPE, start_new_session=True
+        )
+        self.processes.append(started)
+        return started
 
     def __enter__(self) -> Runner:
         return self
@@ -120,16 +127,33 @@ class Runner:
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
+            if process.returncode < 0 or process.returncode > 128:  # killed: its stage may be left
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
 
 
 def repro(root: Path, jobs: int) -> list[str]:
     """Brings the pipeline in `root` up to date with at most `jobs` stages at once; returns the stages that failed."""
+    wait_for_running(root)
     needs = outdated(root)
     if not needs:
         print("Data and pipelines are up to date.")
         return []
     with Runner(root, jobs) as start:
-        return schedule(needs, start, jobs)
+        return schedule(needs, start, jobs, _patience())
+
+
+def _patience() -> Callable[[], None]:
+    """Waits between two looks; under make it ends this process once make was killed."""
+    parent = os.getppid()
+
+    def wait() -> None:
+        """One wait."""
+        time.sleep(_POLL)
+        if "MAKELEVEL" in os.environ and os.getppid() != parent:
+            sys.exit(143)
+
+    return wait
 
 
 @contextmanager

@@ -16,6 +16,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from motionary.errors import InputError, check_whole
 from motionary.pipeline.dependencies import code_hash
+from motionary.pipeline.journal import JOURNALS
+from motionary.pipeline.leftovers import Alone, remove_unfinished, remove_unfinished_checkpoints
 from motionary.pipeline.tracking import Tracker, numbers
 from motionary.pipeline.workspace import Workspace, content_hash, values_hash
 from motionary.systems.registry import served_by
@@ -47,6 +49,7 @@ class Stage:
         sweeping = hydra.mode == RunMode.MULTIRUN
         folder = Path(hydra.runtime.output_dir)
         self.workspace = Workspace.find(root, folder)
+        self._alone = self._take_over(root)
         self.section: dict[str, Any] = self.values.get(name, {})
         self.seed = self._own_seed()
         shared = [key for key in SHARED if key != SEED_KEY or SEED_KEY not in self.section]
@@ -59,6 +62,15 @@ class Stage:
         self._inputs: dict[str, Path] = {}
         self._hashed: tuple[tuple[str, ...], str] | None = None
         self._tracker: Tracker | None = None
+
+    def _take_over(self, root: Path) -> Alone | None:
+        """Under DVC: waits for the same stage of a killed run, and removes what killed ones left of its outputs."""
+        running = os.environ.get("DVC_STAGE", "").rsplit(":", 1)[-1]
+        if not running or int(os.environ.get("RANK", "0")):
+            return None
+        alone = Alone(root, running)
+        remove_unfinished(root, running)
+        return alone
 
     def _read(self, *further: str) -> dict[str, Any]:
         """What the stage owns of the configuration, and `further` keys, by name; None where there is none."""
@@ -112,10 +124,14 @@ class Stage:
         return self.workspace.home / ".cache" / self.name / key[:16]
 
     def forget_finished(self) -> None:
-        """Removes the checkpoints of this stage's other trainings that ended well; a sweep's jobs keep each other's."""
+        """Removes the checkpoints of this stage's other trainings that ended well; a sweep's jobs keep each other's.
+
+        Halves of checkpoints that a killed process was writing go, too.
+        """
+        remove_unfinished_checkpoints(self.cache)
         if self._sweep is None:
             for mark in self.cache.parent.glob(f"*/{FINISHED}"):
-                if mark.parent != self.cache:
+                if mark.parent != self.cache and not any(mark.parent.glob(JOURNALS)):  # rows that MLflow lacks
                     shutil.rmtree(mark.parent, ignore_errors=True)
 
     @property
@@ -131,8 +147,7 @@ class Stage:
             }
             params = self._read(*SHARED)
             run_name = "-".join(part for part in (self.name, self.label, tags["dvc.exp_name"]) if part)
-            resume = self.cache / "run_id.txt"
-            self._tracker = Tracker(self.workspace.home, self.name, run_name, params, tags, self._sweep, resume)
+            self._tracker = Tracker(self.workspace.home, self.name, run_name, params, tags, self.cache, self._sweep)
         return self._tracker
 
     # Outputs ----------------------------------------------------------------------------------------------------
@@ -174,6 +189,8 @@ class Stage:
             self._tracker.close(failed=kind is not None)
             if kind is None and self.cache.is_dir():
                 (self.cache / FINISHED).touch()
+        if self._alone is not None:
+            self._alone.release()
 
 
 def refuse_foreign_overrides(overrides: Sequence[str], stage: str, read: Sequence[str]) -> None:

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
+import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock
+from motionary.pipeline.delivery import warn
+from motionary.pipeline.journal import lock_of, tracking_uri
 
 _LONGEST_PARAM = 6000
-
-
-def tracking_uri(home: Path) -> str:
-    """``MLFLOW_TRACKING_URI`` where it is set, otherwise the SQLite database in the project's root."""
-    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{home / 'mlflow.db'}"
+_PATIENCE = 60.0  # seconds without progress after which a closing stage leaves the rest for later
 
 
 class Tracker:
-    """One MLflow run: params, tags, batched metrics, figures.
+    """One MLflow run: params, tags, metrics, figures.
+
+    All of it is written to a journal in `folder`, which a process of its own sends (:mod:`.delivery`): no fault of
+    MLflow reaches the stage, and what could not be sent is sent later.
 
     Args:
         home: the real project root: the database and the artifacts live there.
@@ -28,8 +30,8 @@ class Tracker:
         run_name: shown in the dashboard.
         params: flattened and logged once.
         tags: logged once, beside the git commit.
+        folder: of the journal; a run that was killed goes on in the next one with the same folder.
         sweep: folder of the Hydra sweep that this run is part of; its runs share one parent.
-        resume: file that remembers the run id of a killed stage, so that its run goes on.
     """
 
     def __init__(
@@ -39,94 +41,54 @@ class Tracker:
         run_name: str,
         params: Mapping[str, Any],
         tags: Mapping[str, str],
+        folder: Path,
         sweep: Path | None = None,
-        resume: Path | None = None,
     ):
-        os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-        from mlflow import MlflowClient  # imported late: it takes seconds
-
-        self._pending: list[Any] = []
-        self.home = home
-        cache = home / ".cache"
-        cache.mkdir(exist_ok=True)
-        # The schema is created and experiments are added by one process at a time.
-        with FileLock(cache / "mlflow.lock"):
-            self.client = MlflowClient(tracking_uri(home))
-            experiment_id = self._experiment(experiment)
-            parent = self._parent(sweep, experiment_id) if sweep else None
-            self.run_id = self._run(experiment_id, run_name, resume, parent)
+        folder.mkdir(parents=True, exist_ok=True)
+        self.home, self.journal = home, folder / f"tracking-{time.time_ns()}.jsonl"
+        self._lock = lock_of(self.journal)
+        self._lock.acquire()
+        self._file = self.journal.open("a", encoding="utf-8", buffering=1)  # by line: a killed stage loses none
         flat = {name: str(value)[:_LONGEST_PARAM] for name, value in flatten(params).items()}
-        self._batch(params=flat, tags={**tags, **git_tags(home)})
+        about = {"experiment": experiment, "name": run_name, "sweep": str(sweep) if sweep else None}
+        self._write("run", **about, params=flat, tags={**tags, **git_tags(home)})
+        source = str(Path(__file__).resolve().parents[2])
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([source, *sys.path])}
+        command = [sys.executable, "-m", "motionary.pipeline.delivery", "follow", str(self.journal), str(home)]
+        # Its standard input ends with this process, however that ends.
+        self._delivery = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, cwd=home, env=environment
+        )
 
-    def _experiment(self, name: str) -> str:
-        found = self.client.get_experiment_by_name(name)
-        if found is not None:
-            return found.experiment_id
-        location = None if os.environ.get("MLFLOW_TRACKING_URI") else (self.home / "mlartifacts" / name).as_uri()
-        return self.client.create_experiment(name, artifact_location=location)
-
-    def _parent(self, sweep: Path, experiment_id: str) -> str:
-        sweep.mkdir(parents=True, exist_ok=True)
-        note = sweep / "mlflow_parent.txt"
-        if not note.exists():
-            run = self.client.create_run(experiment_id, run_name=f"sweep {sweep.parent.name} {sweep.name}")
-            self.client.set_terminated(run.info.run_id)
-            note.write_text(run.info.run_id)
-        return note.read_text().strip()
-
-    def _run(self, experiment_id: str, run_name: str, resume: Path | None, parent: str | None) -> str:
-        if resume is not None and resume.exists():
-            from mlflow.exceptions import MlflowException
-
-            try:
-                run_id = resume.read_text().strip()
-                self.client.update_run(run_id, status="RUNNING")
-                return run_id
-            except MlflowException:
-                resume.unlink()  # the database was replaced since
-        tags = {"mlflow.parentRunId": parent} if parent else {}
-        run_id = self.client.create_run(experiment_id, run_name=run_name, tags=tags).info.run_id
-        if resume is not None:
-            resume.parent.mkdir(parents=True, exist_ok=True)
-            resume.write_text(run_id)
-        return run_id
+    def _write(self, kind: str, **record: Any) -> None:
+        self._file.write(json.dumps({"kind": kind, "time": int(time.time() * 1000), **record}) + "\n")
 
     def log(self, step: int, values: Mapping[str, float]) -> None:
-        """Remembers metric values of a step; they are sent in batches."""
-        from mlflow.entities import Metric
-
-        now = int(time.time() * 1000)
-        self._pending += [Metric(name, float(value), now, step) for name, value in values.items()]
-        if len(self._pending) >= 500:
-            self.flush()
-
-    def flush(self) -> None:
-        """Sends the remembered metrics."""
-        while self._pending:
-            head, self._pending = self._pending[:900], self._pending[900:]
-            self.client.log_batch(self.run_id, metrics=head)
+        """Writes down metric values of a step."""
+        self._write("metrics", step=step, values={name: float(value) for name, value in values.items()})
 
     def artifact(self, path: Path, folder: str | None = None) -> None:
         """Stores a file (a figure, a report) with the run."""
-        self.client.log_artifact(self.run_id, str(path), folder)
+        self._write("artifact", path=str(path.resolve()), folder=folder)
 
     def close(self, failed: bool = False) -> None:
-        """Flushes and marks the run as finished or failed."""
-        self.flush()
-        self.client.set_terminated(self.run_id, "FAILED" if failed else "FINISHED")
-
-    def _batch(self, params: Mapping[str, str], tags: Mapping[str, str]) -> None:
-        from mlflow.entities import Param, RunTag
-        from mlflow.exceptions import MlflowException
-
-        pairs = [Param(name, value) for name, value in params.items()]
-        try:
-            for start in range(0, len(pairs), 100):
-                self.client.log_batch(self.run_id, params=pairs[start : start + 100])
-        except MlflowException:
-            # A resumed run already has its params; values that cannot affect the result may differ.
-            pass
-        self.client.log_batch(self.run_id, tags=[RunTag(name, value) for name, value in tags.items()])
+        """Marks the run as finished or failed, and waits until it is sent or that fails."""
+        self._write("end", status="FAILED" if failed else "FINISHED")
+        self._file.close()
+        assert self._delivery.stdin is not None
+        self._delivery.stdin.close()
+        mark, seen, deadline = self.journal.with_suffix(".sent"), "", time.monotonic() + _PATIENCE
+        while self._delivery.poll() is None and time.monotonic() < deadline:
+            sent = mark.read_text() if mark.exists() else ""
+            if sent != seen:
+                seen, deadline = sent, time.monotonic() + _PATIENCE
+            time.sleep(0.05)
+        if self._delivery.poll() is None:
+            self._delivery.kill()
+        if self._delivery.wait() not in (0, 1):  # with 1 it has said why
+            reason = f"the process that sends ended with {self._delivery.returncode}"
+            warn(tracking_uri(self.home), reason, self.journal.parent)
+        self._lock.release()
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

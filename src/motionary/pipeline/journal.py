@@ -1,0 +1,75 @@
+"""What a stage writes down of its run until MLflow has it, and whether what should take it answers."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock
+
+JOURNALS = "tracking-*.jsonl"
+_PROBE = 5.0  # seconds for a server or a database to show that it answers
+
+
+def tracking_uri(home: Path) -> str:
+    """``MLFLOW_TRACKING_URI`` where it is set, otherwise the SQLite database in the project's root."""
+    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{home / 'mlflow.db'}"
+
+
+def lock_of(journal: Path) -> FileLock:
+    """Held by the stage that writes the journal, then by whoever sends what it left."""
+    return FileLock(journal.with_suffix(".lock"))
+
+
+def probe(uri: str) -> None:
+    """Raises OSError or sqlite3.Error within seconds where a server does not answer or a database cannot be written."""
+    if uri.startswith("sqlite:///") and Path(uri.removeprefix("sqlite:///")).exists():
+        database = sqlite3.connect(uri.removeprefix("sqlite:///"), timeout=_PROBE)
+        try:
+            database.execute("BEGIN IMMEDIATE")
+            database.rollback()
+        finally:
+            database.close()
+    elif uri.startswith(("http://", "https://")):
+        with suppress(urllib.error.HTTPError):  # which is an answer, too
+            urllib.request.urlopen(uri.rstrip("/") + "/health", timeout=_PROBE).close()
+
+
+def records(journal: Path, start: int = 0) -> Iterator[tuple[dict[str, Any], int]]:
+    """(record, offset of the next) from byte `start`; a line that a killed stage or machine broke is left out."""
+    with journal.open("rb") as file:
+        file.seek(start)
+        for line in file:
+            start += len(line)
+            try:
+                record = json.loads(line)
+            except ValueError:
+                continue
+            if line.endswith(b"\n"):
+                yield record, start
+
+
+def ended(journal: Path) -> bool:
+    """Whether the stage closed it."""
+    return any(record["kind"] == "end" for record, _ in records(journal))
+
+
+def identity(uri: str) -> tuple[int, int] | None:
+    """What tells a database file from another of the same name; None where there is no file."""
+    path = Path(uri.removeprefix("sqlite:///"))
+    if not uri.startswith("sqlite:///") or not path.exists():
+        return None
+    return path.stat().st_dev, path.stat().st_ino
+
+
+def discard(journal: Path) -> None:
+    """Removes a journal that was sent."""
+    for path in (journal, journal.with_suffix(".sent"), journal.with_suffix(".lock")):
+        path.unlink(missing_ok=True)
