@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 import torch
-from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from motionary.errors import InputError
 from motionary.nn.layers import (
@@ -25,13 +24,29 @@ from motionary.nn.recurrent import BiGRU
 
 
 def reference(layer: BiGRU, x: torch.Tensor, lengths: torch.Tensor):
-    """torch's own recurrence over the packed sequence."""
-    packed = pack_padded_sequence(x, lengths, batch_first=True, enforce_sorted=False)
-    out, last = layer.unit(packed)
-    return pad_packed_sequence(out, batch_first=True, total_length=x.shape[1])[0], torch.cat((last[0], last[1]), -1)
+    """Cho et al.'s equations, one sequence and one step at a time."""
+    unit, width = layer.unit, layer.unit.hidden_size
+    outputs = x.new_zeros(*x.shape[:2], 2 * width)
+    rows, last = [], []
+    for row, length in enumerate(lengths.tolist()):
+        ends, both = [], []
+        for direction, suffix in enumerate(("l0", "l0_reverse")):
+            w, v = getattr(unit, f"weight_ih_{suffix}"), getattr(unit, f"weight_hh_{suffix}")
+            b, c = getattr(unit, f"bias_ih_{suffix}"), getattr(unit, f"bias_hh_{suffix}")
+            state, states = x.new_zeros(width), {}
+            for t in range(length) if not direction else reversed(range(length)):
+                (r, z, n), (s, y, m) = (w @ x[row, t] + b).chunk(3), (v @ state + c).chunk(3)
+                reset, update = torch.sigmoid(r + s), torch.sigmoid(z + y)
+                state = states[t] = (1 - update) * torch.tanh(n + reset * m) + update * state
+            both.append(torch.stack([states[t] for t in range(length)]))
+            ends.append(state)
+        padding = outputs[row, length:]
+        rows.append(torch.cat((torch.cat(both, -1), padding)))
+        last.append(torch.cat(ends))
+    return torch.stack(rows), torch.stack(last)
 
 
-def test_recurrence_and_its_gradients_equal_torch():
+def test_recurrence_and_its_gradients_are_those_of_its_equations():
     torch.manual_seed(0)
     layer, lengths = BiGRU(5, 7).double(), torch.tensor([3, 9, 1, 6])
     results = []

@@ -7,14 +7,12 @@ import math
 import numpy as np
 import pytest
 import torch
-from torch import nn
 
 from motionary.corpus.batches import Batch
 from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.nn.layers import seeded
 from motionary.nn.noise import normal_noise
-from motionary.nn.unrolled import Unrolled, UnrolledGRU
 from motionary.systems.io import Trained, build_model, load_model, open_system, save_model
 from motionary.systems.t2m.autoencoder import Autoencoder, AutoencoderConfig
 from motionary.systems.t2m.curriculum import Curriculum
@@ -99,28 +97,6 @@ def test_attention_is_that_of_equation_4_4_and_padding_has_no_part(context, batc
         query, keys, values = net.query(hidden[2][row]), net.key(memory[0]), net.value(memory[0])
         weights = torch.softmax(keys @ query / 16**0.5, dim=0)
         assert torch.allclose(attended[row], weights @ values, atol=1e-5)
-
-
-def test_a_weight_used_at_every_step_has_the_plain_layers_gradients():
-    torch.manual_seed(0)
-    cell, head = nn.GRUCell(5, 7), nn.Linear(7, 5)
-    start = torch.randn(3, 7, requires_grad=True)
-
-    def run(step, out):
-        hidden, x = start, torch.ones(3, 5)
-        for _ in range(4):
-            hidden = step(x, hidden)
-            x = out(hidden)
-        return hidden.square().sum() + x.sum()
-
-    weights = [start, *cell.parameters(), *head.parameters()]
-    plain = torch.autograd.grad(run(cell, head), weights)
-    ours = run(UnrolledGRU(cell), Unrolled.of(head))
-    assert ours.item() == pytest.approx(run(cell, head).item(), rel=1e-6)
-    for a, b in zip(torch.autograd.grad(ours, weights), plain, strict=True):
-        assert torch.allclose(a, b, atol=1e-5)
-    with torch.no_grad():
-        assert run(UnrolledGRU(cell), Unrolled.of(head)).item() == pytest.approx(ours.item(), rel=1e-6)
 
 
 def test_only_the_decoder_learns_slowly_and_the_encoder_not_at_all(context, batch):

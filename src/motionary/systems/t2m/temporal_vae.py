@@ -10,7 +10,6 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from motionary.nn.layers import TextEncoder, initialize, length_mask, positional_encoding
-from motionary.nn.unrolled import Unrolled, UnrolledGRU
 
 SLOPE = 0.2  # of every leaky rectifier
 LEAST_LOG_VARIANCE, MOST_LOG_VARIANCE = -12.0, 6.0  # keeps the KL term and its gradient finite
@@ -64,18 +63,8 @@ class Branch(nn.Module):
         self.cell = nn.GRUCell(width, width)
         self.head = nn.Linear(width, outputs)
 
-    def run(self) -> Advance:
-        """For one run of the loop."""
-        return Advance(self)
-
-
-class Advance:
-    """One step of a :class:`Branch`: (inputs to concatenate, time to arrival, hidden) -> hidden."""
-
-    def __init__(self, branch: Branch):
-        self.input, self.norm, self.cell = Unrolled.of(branch.input), branch.norm, UnrolledGRU(branch.cell)
-
-    def __call__(self, parts: list[Tensor], arrival: Tensor | None, hidden: Tensor) -> Tensor:
+    def forward(self, parts: list[Tensor], arrival: Tensor | None, hidden: Tensor) -> Tensor:
+        """One step: inputs to concatenate (B, d_i), time to arrival (B, h) or None, hidden (B, h) -> hidden (B, h)."""
         x = F.leaky_relu(self.norm(self.input(torch.cat(parts, dim=1))), SLOPE)
         return self.cell(x if arrival is None else x + arrival, hidden)
 
@@ -91,8 +80,8 @@ class Unroll(NamedTuple):
 class TemporalVAE(nn.Module):
     """Codes one by one, each from the one before, the attended words, a latent draw and the time left.
 
-    What does not depend on the recurrence stands outside the loop: keys and values of the words, the prior's and the
-    generator's heads, and every weight gradient (see :mod:`motionary.nn.unrolled`).
+    What does not depend on the recurrence stands outside the loop: keys and values of the words, and the heads of
+    prior and generator.
 
     Args:
         words: size of the vocabulary; `word_dim` and `text_width` (per direction) of the text encoder.
@@ -156,20 +145,17 @@ class TemporalVAE(nn.Module):
             forced: (B,) bool, rows that read the true codes; the others read their own, without gradient.
             noise: (B, S, z) standard normal.
         """
-        prior, posterior, generator = (branch.run() for branch in (self.prior, self.posterior, self.generator))
-        head = Unrolled.of(self.posterior.head)
-        query = Unrolled.of(self.query) if self.attention else None
         of_prior, of_posterior, of_generator = hidden
         read, forced = first.expand(len(targets), -1), forced[:, None]
         states: list[tuple[Tensor, Tensor, Tensor]] = []
         for step, (true, draw, arrival) in enumerate(self._steps(targets, length, noise)):
             parts = [self.dropout(read)]
-            if words is not None and query is not None:
-                parts.append(words.attend(query(of_generator)))
-            of_prior = prior(parts, arrival, of_prior)
-            of_posterior = posterior([true, *parts], arrival, of_posterior)
-            parameters = head(of_posterior)
-            of_generator = generator([*parts, gaussian(parameters).sample(draw)], arrival, of_generator)
+            if words is not None:
+                parts.append(words.attend(self.query(of_generator)))
+            of_prior = self.prior(parts, arrival, of_prior)
+            of_posterior = self.posterior([true, *parts], arrival, of_posterior)
+            parameters = self.posterior.head(of_posterior)
+            of_generator = self.generator([*parts, gaussian(parameters).sample(draw)], arrival, of_generator)
             states.append((of_prior, parameters, of_generator))
             if step + 1 < targets.shape[1]:
                 read = self._next(true, of_generator, forced)
@@ -189,7 +175,6 @@ class TemporalVAE(nn.Module):
             noise: (B, S, z) standard normal, S the longest length.
             temperature: factor on the prior's standard deviation; 0 takes its mean.
         """
-        prior, generator = self.prior.run(), self.generator.run()
         of_prior, _, of_generator = hidden
         read, steps = first.expand(len(length), -1), noise.shape[1]
         codes = noise.new_zeros(len(length), steps, len(first))
@@ -199,9 +184,9 @@ class TemporalVAE(nn.Module):
             read, of_prior, of_generator = read[:rows], of_prior[:rows], of_generator[:rows]
             arrival = None if arrival is None else arrival[:rows]
             parts = [read] if words is None else [read, words.attend(self.query(of_generator))]
-            of_prior = prior(parts, arrival, of_prior)
+            of_prior = self.prior(parts, arrival, of_prior)
             latent = gaussian(self.prior.head(of_prior)).sample(temperature * noise[:rows, step])
-            of_generator = generator([*parts, latent], arrival, of_generator)
+            of_generator = self.generator([*parts, latent], arrival, of_generator)
             read = codes[:rows, step] = self.decode(of_generator)
         return codes
 
