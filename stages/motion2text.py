@@ -21,11 +21,11 @@ def main(config):
     """data/corpus, models/tokenizer -> models/motion2text, reports/motion2text.json"""
     with Stage("motion2text", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
-        settings, seeds = stage.training(), member_seeds(stage.seed, stage.section["members"])
+        settings, seeds = stage.training(), member_seeds(stage.seed, stage.section["ensemble"])
         members = {member_name(i): build(stage, corpus.context, seed) for i, seed in enumerate(seeds)}
         tokenizer = stage.input(f"models/{members[''].config.tokenizer}")
         tokens = TokenStore.load(tokenizer)
-        raw, shifts = not stage.section["tokens"], stage.section["shifts"]
+        raw, shifts = not stage.section["tokens"], stage.section["offsets"]
         stores = None if raw else shifted_tokens(corpus, tokens, cast(MotionCodec, load_model(tokenizer)), shifts)
         data = Pairs(corpus, "train", stores, motion=raw, shifts=shifts, **stage.data)
         validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw)

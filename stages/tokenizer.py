@@ -29,7 +29,7 @@ def main(config):
             save_model(folder, "tokenizer", model, corpus.context)
             TokenStore.collect(codes).save(folder)
         stage.figure("contexts", draw_contexts(model, codes))
-        report = {"positions": test_positions(corpus, model), "codes": code_usage(codes, model.config.codes)}
+        report = {"positions": test_positions(corpus, model), "codes": code_usage(codes, model.config.codebook_size)}
         stage.report({**report, "training": last_losses(history)})
 
 

@@ -34,11 +34,11 @@ def build_pipeline(root: Path, clips: int = 24) -> Path:
         snippets = Autoencoder(AutoencoderConfig(width=16, code_dim=12), context)
         judge = EvaluatorConfig(text_width=8, motion_width=12, dim=12, word_dim=8, **snippets.config.as_upstream())
         systems = {
-            "tokenizer": Tokenizer(TokenizerConfig(codes=16, code_dim=8, width=16, fine_width=8), context),
+            "tokenizer": Tokenizer(TokenizerConfig(codebook_size=16, code_dim=8, width=16, fine_width=8), context),
             "evaluator": Evaluator(judge, context).take_snippets(snippets.encoder),
-            "text2token": Text2Token(Text2TokenConfig(16, word_dim=8, text_width=8, width=16, most_tokens=12), context),
+            "text2token": Text2Token(Text2TokenConfig(16, word_dim=8, text_width=8, width=16, max_tokens=12), context),
             "motion2text": Motion2Text(
-                Motion2TextConfig(16, width=16, layers=1, feed_forward=32, heads=2, most_words=6), context
+                Motion2TextConfig(16, width=16, num_layers=1, dim_feedforward=32, num_heads=2, max_words=6), context
             ),
             "text2length": Text2Length(Text2LengthConfig(word_dim=8, text_width=8), context),
             "text2motion": Text2Motion(

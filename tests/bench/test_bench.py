@@ -99,8 +99,8 @@ def test_convolution_flops_closed_form(blocks):
     encoder, decoder, fine = blocks
     width, entry, frames, features = 12, 8, 16, 263
     config = TokenizerConfig(
-        codes=4, code_dim=entry, width=width, fine_width=0, encoder_blocks=encoder, decoder_blocks=decoder,
-        fine_blocks=fine, quantizer="gradient", warm_start=-1,
+        codebook_size=4, code_dim=entry, width=width, fine_width=0, encoder_blocks=encoder, decoder_blocks=decoder,
+        fine_blocks=fine, quantizer="gradient", codebook_start=-1,
     )  # fmt: skip
     model = Tokenizer(config, make_context(SMALL)).train()
     batch = make_batch(2, frames)

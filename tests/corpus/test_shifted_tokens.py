@@ -12,7 +12,7 @@ from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
 def test_shifted_tokens_are_those_of_the_rest_of_each_training_window(corpus):
     with seeded(0):
-        model = Tokenizer(TokenizerConfig(codes=50, code_dim=8, width=16, fine_width=16), corpus.context).eval()
+        model = Tokenizer(TokenizerConfig(codebook_size=50, code_dim=8, width=16, fine_width=16), corpus.context).eval()
         model.quantizer.codebook.normal_(std=0.1)
     tokens = TokenStore.collect(BatchedCodec(model).encode([corpus.features(i) for i in range(len(corpus))]))
     stores = shifted_tokens(corpus, tokens, model, 3)

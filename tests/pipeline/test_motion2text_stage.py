@@ -33,8 +33,16 @@ def test_two_processes_train_every_member(repository, tmp_path):
         ]
     TokenStore.collect(codes).save(root / "models/tokenizer")
 
-    small = ["steps=3", "batch_size=4", "validate_every=3", "width=16", "layers=1", "feed_forward=16", "heads=2"]
-    settings = [f"motion2text.{s}" for s in (*small, "shifts=2", "members=2")]
+    small = [
+        "steps=3",
+        "batch_size=4",
+        "validate_every=3",
+        "width=16",
+        "num_layers=1",
+        "dim_feedforward=16",
+        "num_heads=2",
+    ]
+    settings = [f"motion2text.{s}" for s in (*small, "offsets=2", "ensemble=2")]
     launch = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     command = [*launch, "stages/motion2text.py", *settings, "scale=tiny", "threads=1", "device=cpu"]
     environment = os.environ | {"DVC_STAGE": "motion2text", "PYTHONPATH": str(root / "src")}

@@ -100,7 +100,7 @@ def test_large_outputs_share_their_file_with_the_cache(project):
 def test_a_stage_run_has_params_curves_figures_and_tags(project):
     client, (run, *_) = project.runs("tokenizer")
     assert run.info.status == "FINISHED"
-    assert run.data.params["tokenizer.codes"] == "8"
+    assert run.data.params["tokenizer.codebook_size"] == "8"
     assert run.data.tags["dvc.stage"] == "tokenizer"
     assert len(run.data.tags["git.commit"]) == 40
     assert {"hash.params", "hash.inputs", "hash.code"} <= run.data.tags.keys()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import pytest
@@ -11,9 +12,12 @@ from motionary.errors import InputError
 from motionary.nn.layers import seeded
 from motionary.systems.io import Trained, load_model, model_hash, read_record, save_model
 from motionary.systems.judges.evaluator import Evaluator, EvaluatorConfig
+from motionary.systems.registry import known
+from motionary.systems.renamed import _MODELS, _TRAINING
 from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
+from motionary.training.settings import TrainSettings
 
-SMALL = TokenizerConfig(codes=8, code_dim=4, width=8, fine_width=8)
+SMALL = TokenizerConfig(codebook_size=8, code_dim=4, width=8, fine_width=8)
 
 
 @pytest.fixture
@@ -93,3 +97,31 @@ def test_bad_folders_are_named(saved, tmp_path):
     weights.write_bytes(weights.read_bytes()[:100])
     with pytest.raises(InputError, match="weights that belong"):
         load_model(folder / "tokenizer")
+
+
+def test_a_model_saved_with_the_old_names_of_its_keys_loads(saved):
+    model, folder = saved
+    path = folder / "tokenizer" / "config.json"
+    record = json.loads(path.read_text())
+    old = {
+        "codebook_size": "codes",
+        "commitment_weight": "beta",
+        "restart_below": "dead",
+        "codebook_start": "warm_start",
+    }
+    record["config"] = {old.get(key, key): value for key, value in record["config"].items()}
+    assert {"codes", "beta", "dead", "warm_start"} <= record["config"].keys()
+    path.write_text(json.dumps(record))
+    again = Trained(folder).load("tokenizer")
+    assert again.config == model.config
+    assert all(torch.equal(value, again.state_dict()[name]) for name, value in model.state_dict().items())
+
+
+def test_every_new_name_is_a_key_of_its_system():
+    for name, system in known().items():
+        if system.config:
+            keys = {field.name for field in dataclasses.fields(system.load(system.config))}
+            renamed = set(_MODELS.get(name, {}).values())
+            assert renamed <= keys, (name, renamed - keys)
+            assert not set(_MODELS.get(name, {})) & keys, name
+    assert set(_TRAINING.values()) <= {field.name for field in dataclasses.fields(TrainSettings)}

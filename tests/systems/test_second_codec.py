@@ -106,7 +106,15 @@ def test_the_codec_is_known_by_its_name_and_comes_back(shuffled, pipeline):
 @pytest.mark.parametrize("hide", [True, False])
 def test_tokenizer(context, shuffled, batch, hide):
     settings = TokenizerConfig(
-        16, 8, 24, 16, decoder_blocks=2, warm_start=0.0, hide_contacts=hide, position_weight=2.0, trajectory_weight=1.0
+        16,
+        8,
+        24,
+        16,
+        decoder_blocks=2,
+        codebook_start=0.0,
+        hide_contacts=hide,
+        position_weight=2.0,
+        trajectory_weight=1.0,
     )
     with seeded(0):
         plain, other = Tokenizer(settings, context).eval(), Tokenizer(settings, shuffled).eval()
@@ -131,7 +139,7 @@ def test_tokenizer(context, shuffled, batch, hide):
 
 @pytest.mark.parametrize("hide", [True, False])
 def test_autoencoder(context, shuffled, batch, hide):
-    settings = AutoencoderConfig(width=32, code_dim=16, hide_contacts=hide, position_weight=2.0, square_from=0.5)
+    settings = AutoencoderConfig(width=32, code_dim=16, hide_contacts=hide, position_weight=2.0, berhu_threshold=0.5)
     with seeded(0):
         plain, other = Autoencoder(settings, context).eval(), Autoencoder(settings, shuffled).eval()
     seen = rearranged(("contacts",) if hide else (), context, shuffled)

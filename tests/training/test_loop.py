@@ -41,7 +41,7 @@ def test_training_lowers_the_loss(fabric):
     assert history.validation[-1]["step"] == 200
 
 
-@pytest.mark.parametrize("changes", [{}, {"ema": 0.9}, {"patience": 3}])
+@pytest.mark.parametrize("changes", [{}, {"ema_decay": 0.9}, {"patience": 3}])
 def test_a_killed_run_ends_with_the_weights_of_an_unbroken_one(fabric, tmp_path, changes):
     unbroken, whole = trained(fabric, **changes)
     # Killed at steps that are not checkpoints: up to six steps are lost and done again.
@@ -64,7 +64,9 @@ def test_the_same_seed_repeats_and_another_does_not(fabric):
 
 
 def test_early_stopping_keeps_the_best_weights(fabric):
-    config = settings(steps=400, learning_rate=0.5, schedule="constant", patience=4, validate_every=3, clip=0.0)
+    config = settings(
+        steps=400, learning_rate=0.5, schedule="constant", patience=4, validate_every=3, max_grad_norm=0.0
+    )
     model = Regression(noise=3.0)
     history = fit(model, batches(config), validation(), config, fabric)
     best = min(row["loss"] for row in history.validation)
@@ -74,11 +76,11 @@ def test_early_stopping_keeps_the_best_weights(fabric):
 
 
 def test_average_of_weights_is_what_is_kept(fabric):
-    config = settings(ema=0.5, steps=1, warmup=0)
+    config = settings(ema_decay=0.5, steps=1, warmup_steps=0)
     model = Regression()
     start = {name: p.detach().clone() for name, p in model.named_parameters()}
     plain = Regression()
-    fit(plain, batches(config), None, settings(steps=1, warmup=0), fabric)
+    fit(plain, batches(config), None, settings(steps=1, warmup_steps=0), fabric)
     fit(model, batches(config), None, config, fabric)
     # After one step the decay is min(0.5, 2 / 11).
     for name, p in model.named_parameters():
@@ -87,13 +89,13 @@ def test_average_of_weights_is_what_is_kept(fabric):
 
 
 def test_rate_closed_form():
-    config = settings(steps=105, warmup=5)
+    config = settings(steps=105, warmup_steps=5)
     assert [rate(config, s) for s in (0, 4)] == [0.2, 1.0]
     assert rate(config, 5) == 1.0
     assert rate(config, 55) == pytest.approx(0.505)
     assert rate(config, 105) == pytest.approx(0.01)
     assert rate(settings(schedule="constant"), 39) == 1.0
-    assert all(math.isfinite(rate(settings(warmup=40), s)) for s in range(41))
+    assert all(math.isfinite(rate(settings(warmup_steps=40), s)) for s in range(41))
 
 
 def test_hooks_and_progress(fabric):
@@ -116,7 +118,7 @@ class OnlyALoss(Trainable):
 
 def test_a_loss_is_enough_to_be_trained(fabric):
     """Validation is then the loss at the end of the training, with the same draws every time."""
-    config = settings(steps=100, learning_rate=0.1, clip=0.0, weight_decay=0.0)
+    config = settings(steps=100, learning_rate=0.1, max_grad_norm=0.0, weight_decay=0.0)
     model = OnlyALoss()
     history = fit(model, batches(config), validation(), config, fabric)
     assert history.validation[-1]["loss"] < 0.05 * history.train[0]["loss"]

@@ -59,7 +59,15 @@ class Regression(Trainable):
 
 
 def settings(**changes) -> TrainSettings:
-    values = dict(steps=40, batch_size=8, learning_rate=0.02, weight_decay=0.01, clip=1.0, warmup=5, validate_every=7)
+    values = dict(
+        steps=40,
+        batch_size=8,
+        learning_rate=0.02,
+        weight_decay=0.01,
+        max_grad_norm=1.0,
+        warmup_steps=5,
+        validate_every=7,
+    )
     return TrainSettings(**{**values, **changes})
 
 

@@ -46,8 +46,9 @@ def _tokenizer_model(shapes: Shapes, context: Any):
     from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
     config = TokenizerConfig(
-        codes=shapes.codes, code_dim=shapes.width, width=shapes.width, fine_width=0, encoder_blocks=1,
-        decoder_blocks=3, fine_blocks=1, dilation=1, quantizer="gradient", beta=1.0, warm_start=-1, position_weight=0,
+        codebook_size=shapes.codes, code_dim=shapes.width, width=shapes.width, fine_width=0, encoder_blocks=1,
+        decoder_blocks=3, fine_blocks=1, dilation=1, quantizer="gradient", commitment_weight=1.0, codebook_start=-1,
+        position_weight=0,
     )  # fmt: skip
     return Tokenizer(config, context)
 
@@ -72,8 +73,8 @@ def _captioner(shapes: Shapes, context: Any):
     from motionary.systems.tm2t.motion2text import Motion2Text, Motion2TextConfig
 
     config = Motion2TextConfig(
-        codes=shapes.codes, width=shapes.transformer_width, layers=shapes.layers, feed_forward=shapes.feed_forward,
-        heads=shapes.heads, dropout=0.1,
+        codebook_size=shapes.codes, width=shapes.transformer_width, num_layers=shapes.layers,
+        dim_feedforward=shapes.feed_forward, num_heads=shapes.heads, dropout=0.1,
     )  # fmt: skip
     return Motion2Text(config, context)
 
@@ -118,8 +119,8 @@ def _captions(shapes: Shapes) -> Work:
 
 def _generator_settings(shapes: Shapes) -> dict[str, Any]:
     return {
-        "codes": shapes.codes, "word_dim": shapes.word_dim, "text_width": shapes.text_width,
-        "width": shapes.gru_width, "most_tokens": shapes.tokens,
+        "codebook_size": shapes.codes, "word_dim": shapes.word_dim, "text_width": shapes.text_width,
+        "width": shapes.gru_width, "max_tokens": shapes.tokens,
     }  # fmt: skip
 
 

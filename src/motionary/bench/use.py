@@ -113,8 +113,8 @@ def _models(
     os.environ["OMP_NUM_THREADS"] = "1"
     context = replace(make_context(shapes), vocabulary=Vocabulary.build(annotate(prompts)))
     tokens = Text2TokenConfig(
-        codes, word_dim=shapes.word_dim, text_width=text_width, width=gru_width, most_tokens=shapes.tokens
+        codes, word_dim=shapes.word_dim, text_width=text_width, width=gru_width, max_tokens=shapes.tokens
     )
-    tokenizer = TokenizerConfig(codes=codes, code_dim=min(width, 1024), width=width, fine_width=0)
+    tokenizer = TokenizerConfig(codebook_size=codes, code_dim=min(width, 1024), width=width, fine_width=0)
     for name, model in (("tokenizer", Tokenizer(tokenizer, context)), ("text2token", Text2Token(tokens, context))):
         save_model(folder / name, name, model, context)

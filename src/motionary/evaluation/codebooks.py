@@ -65,7 +65,7 @@ def draw_contexts(model: Any, codes: Sequence[np.ndarray], columns: int = 8, row
     from matplotlib.figure import Figure
 
     context = model.context
-    frequency = np.bincount(np.concatenate(codes), minlength=model.config.codes)
+    frequency = np.bincount(np.concatenate(codes), minlength=model.config.codebook_size)
     chosen = np.argsort(-frequency, kind="stable")[: columns * rows]
     segments = model.token_contexts()[chosen].cpu().numpy()
     codec = context.make_codec()

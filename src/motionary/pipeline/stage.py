@@ -21,6 +21,7 @@ from motionary.pipeline.leftovers import Alone, remove_unfinished, remove_unfini
 from motionary.pipeline.tracking import Tracker, numbers
 from motionary.pipeline.workspace import Workspace, content_hash, values_hash
 from motionary.systems.registry import served_by
+from motionary.systems.renamed import refuse_old_names
 from motionary.training.settings import DATA_KEYS, SEED_KEY, TrainSettings, model_keys, settings_of
 
 T = TypeVar("T")
@@ -53,6 +54,7 @@ class Stage:
         self.section: dict[str, Any] = self.values.get(name, {})
         self.seed = self._own_seed()
         shared = [key for key in SHARED if key != SEED_KEY or SEED_KEY not in self.section]
+        refuse_old_names(name, self.section)
         refuse_foreign_overrides(hydra.overrides.task, name, (*self.owned, *shared))
         if "steps" in self.section:
             self.training()  # a bad value is said before anything is read

@@ -18,6 +18,7 @@ from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.files import atomic_file
 from motionary.systems.registry import TELLS, System, find, known
+from motionary.systems.renamed import with_new_names
 
 WEIGHTS, CONFIG_FILE = "model.safetensors", "config.json"
 
@@ -52,7 +53,8 @@ def read_record(folder: str | Path) -> dict[str, Any]:
         raise InputError(path, "missing", f"must be a trained model{told}")
     try:
         record = json.loads(path.read_text())
-        return {key: record[key] for key in ("system", "config", "context")}
+        config = with_new_names(record["system"], record["config"])
+        return {"system": record["system"], "config": config, "context": record["context"]}
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(path, error, "must be JSON with system, config and context") from None
 

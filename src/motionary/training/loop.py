@@ -34,11 +34,11 @@ class History:
 
 def rate(settings: TrainSettings, step: int) -> float:
     """Factor on the peak learning rate at `step`: linear warm-up, then constant or cosine to a hundredth."""
-    if step < settings.warmup:
-        return (step + 1) / settings.warmup
+    if step < settings.warmup_steps:
+        return (step + 1) / settings.warmup_steps
     if settings.schedule == "constant":
         return 1.0
-    done = (step - settings.warmup) / max(1, settings.steps - settings.warmup)
+    done = (step - settings.warmup_steps) / max(1, settings.steps - settings.warmup_steps)
     return 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(1.0, done)))
 
 
@@ -101,7 +101,7 @@ class _Run:
         self.wrapped, self.optimizer = fabric.setup(model, optimizer)
         self.wrapped.mark_forward_method("loss")
         self.parameters = [p for group in groups for p in group["params"]]
-        self.average = {name: p.detach().clone() for name, p in self._trained()} if settings.ema else {}
+        self.average = {name: p.detach().clone() for name, p in self._trained()} if settings.ema_decay else {}
         self.kept: dict[str, Tensor] = {}
 
     def run(self, stop_after: int | None) -> History:
@@ -156,8 +156,8 @@ class _Run:
         generator = self._generator(self.step)
         loss, values = self.wrapped.loss(batch.to(self.fabric.device), progress, generator)
         self.fabric.backward(loss)
-        if settings.clip:
-            values = {**values, "gradient": nn.utils.clip_grad_norm_(self.parameters, settings.clip)}
+        if settings.max_grad_norm:
+            values = {**values, "gradient": nn.utils.clip_grad_norm_(self.parameters, settings.max_grad_norm)}
         self.optimizer.step()
         self.optimizer.zero_grad(set_to_none=True)
         self.model.after_step(self.step, progress, generator)
@@ -176,7 +176,7 @@ class _Run:
         if not self.average:
             return
         # Early steps average over what there is, as in Adam's bias correction.
-        decay = min(self.settings.ema, (1 + self.step) / (10 + self.step))
+        decay = min(self.settings.ema_decay, (1 + self.step) / (10 + self.step))
         trained = self._trained()
         with torch.no_grad():
             for name, p in trained:

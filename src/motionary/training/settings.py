@@ -26,13 +26,13 @@ class TrainSettings:
         batch_size: items per step and process.
         learning_rate: peak rate of AdamW.
         weight_decay: decoupled weight decay.
-        clip: largest gradient norm; 0 leaves gradients alone.
-        warmup: steps of linear warm-up from zero.
+        max_grad_norm: largest gradient norm; 0 leaves gradients alone.
+        warmup_steps: steps of linear warm-up from zero.
         schedule: "constant", or "cosine" to fall to a hundredth of the peak at the last step.
         validate_every: steps between validations (and checkpoints).
         patience: validations without improvement after which training stops early; 0 never stops and keeps the
             last weights, otherwise the best ones are kept.
-        ema: decay of the exponential moving average of the weights that is validated and kept; 0 is off.
+        ema_decay: decay of the exponential moving average of the weights that is validated and kept; 0 is off.
         log_every: steps between logged training values.
     """
 
@@ -40,12 +40,12 @@ class TrainSettings:
     batch_size: int
     learning_rate: float
     weight_decay: float = 0.0
-    clip: float = 0.0
-    warmup: int = 0
+    max_grad_norm: float = 0.0
+    warmup_steps: int = 0
     schedule: str = "cosine"
     validate_every: int = 200
     patience: int = 0
-    ema: float = 0.0
+    ema_decay: float = 0.0
     log_every: int = 20
 
     def check(self, stage: str) -> None:
@@ -55,12 +55,12 @@ class TrainSettings:
             "batch_size": (self.batch_size >= 1, "must be at least 1"),
             "learning_rate": (self.learning_rate > 0, "must be above 0"),
             "weight_decay": (self.weight_decay >= 0, "must not be negative"),
-            "clip": (self.clip >= 0, "must not be negative (0 is off)"),
-            "warmup": (self.warmup >= 0, "must not be negative"),
+            "max_grad_norm": (self.max_grad_norm >= 0, "must not be negative (0 is off)"),
+            "warmup_steps": (self.warmup_steps >= 0, "must not be negative"),
             "schedule": (self.schedule in ("constant", "cosine"), "must be constant or cosine"),
             "validate_every": (self.validate_every >= 1, "must be at least 1"),
             "patience": (self.patience >= 0, "must not be negative (0 is off)"),
-            "ema": (0 <= self.ema < 1, "must be in [0, 1) (0 is off)"),
+            "ema_decay": (0 <= self.ema_decay < 1, "must be in [0, 1) (0 is off)"),
             "log_every": (self.log_every >= 1, "must be at least 1"),
         }
         for key, (holds, rule) in rules.items():

@@ -24,7 +24,7 @@ from motionary.systems.stylization.stylizer import (
     trainable,
 )
 
-SMALL = {"width": 24, "content_dim": 8, "style_dim": 6, "blocks": 1}
+SMALL = {"width": 24, "content_dim": 8, "style_dim": 6, "num_blocks": 1}
 WEIGHTS = {"supervised": {"hsa": 1.0, "cycle": 0.1, "kl": 0.1}, "unsupervised": {"hsa": 0.1, "cycle": 1.0, "kl": 0.01}}
 
 

@@ -64,12 +64,12 @@ def test_large_errors_count_by_their_square_from_where_it_is_said():
     knee = torch.tensor([0.4999, 0.5001], requires_grad=True)
     (slopes,) = torch.autograd.grad(distance(knee, 0.5).sum(), knee)
     torch.testing.assert_close(slopes, torch.ones(2), atol=1e-3, rtol=0)  # smooth where one becomes the other
-    with pytest.raises(InputError, match="square_from"):
-        AutoencoderConfig(square_from=-1.0)
+    with pytest.raises(InputError, match="berhu_threshold"):
+        AutoencoderConfig(berhu_threshold=-1.0)
 
 
 def test_the_loss_is_equation_4_2(context, batch):
-    full, plain = build(context), build(context, sparsity=0.0, smoothness=0.0)
+    full, plain = build(context), build(context, sparsity_weight=0.0, smoothness_weight=0.0)
     generator = torch.Generator()
     total, terms = full.loss(batch, 0.0, generator)
     bare, _ = plain.loss(batch, 0.0, generator)

@@ -57,7 +57,7 @@ def test_the_loss_is_the_cross_entropy_and_a_bell_spreads_it(context, batch):
     target = batch.frames // 4 - 1
     loss, _ = net.loss(batch, 0.0, torch.Generator())
     assert loss.item() == pytest.approx(F.cross_entropy(logits, target).item())
-    spread = model(context, spread=2.0)
+    spread = model(context, target_std=2.0)
     units = torch.arange(49)
     bell = torch.exp(-((units - target[:, None]) ** 2) / 8.0)
     expected = -(bell / bell.sum(1, keepdim=True) * logits.log_softmax(-1)).sum(1).mean()
@@ -126,6 +126,6 @@ def test_the_report_covers_every_caption_and_the_histogram_reads_no_text(pipelin
 
 
 def test_bad_settings_say_what_is_wrong():
-    for name, value in (("dropout", 1.0), ("word_dropout", -0.1), ("spread", -1.0)):
+    for name, value in (("dropout", 1.0), ("word_dropout", -0.1), ("target_std", -1.0)):
         with pytest.raises(InputError, match=name):
             Text2LengthConfig(**{name: value})

@@ -238,7 +238,7 @@ class Few:
 def test_a_resumed_training_stands_in_the_same_stage(context, batch, tmp_path):
     from motionary.corpus.batches import Batches
 
-    settings = TrainSettings(steps=8, batch_size=2, learning_rate=1e-3, validate_every=1, clip=0.5)
+    settings = TrainSettings(steps=8, batch_size=2, learning_rate=1e-3, validate_every=1, max_grad_norm=0.5)
     changes = {"curriculum_start": 2, "curriculum_patience": 2, "dropout": 0.2, "word_dropout": 0.1}
     trained = []
     for stops in ([None], [3, 6, None]):

@@ -19,13 +19,13 @@ from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
 CODES = 12
 SMALL = {
-    "word_dim": 16, "text_width": 16, "width": 32, "most_tokens": 10,
+    "word_dim": 16, "text_width": 16, "width": 32, "max_tokens": 10,
     "teacher_forcing_start": 1.0, "teacher_forcing_end": 1.0,
 }  # fmt: skip
 
 
 def reader(context, **settings) -> Motion2Text:
-    small = {"width": 32, "layers": 1, "feed_forward": 64, "heads": 4, "dropout": 0.3}
+    small = {"width": 32, "num_layers": 1, "dim_feedforward": 64, "num_heads": 4, "dropout": 0.3}
     with seeded(1):
         return Motion2Text(Motion2TextConfig(CODES, **{**small, **settings}), context)
 
@@ -138,7 +138,7 @@ def test_a_sequence_is_masked_behind_its_end_and_closed_where_it_has_none(contex
 
 def test_it_starts_from_text2token_and_stands_alone_afterwards(context, tmp_path):
     with seeded(3):
-        tokenizer = Tokenizer(TokenizerConfig(codes=CODES, code_dim=8, width=8, fine_width=8), context)
+        tokenizer = Tokenizer(TokenizerConfig(codebook_size=CODES, code_dim=8, width=8, fine_width=8), context)
         upstream = Text2Token(Text2TokenConfig(CODES, temperature=0.8, **SMALL), context)
     save_model(tmp_path / "tokenizer", "tokenizer", tokenizer, context)
     save_model(tmp_path / "text2token", "text2token", upstream, context)

@@ -31,7 +31,7 @@ CODES, DIM = 12, 263
 
 
 def model(context: Context, seed: int = 0, **settings) -> Motion2Text:
-    small = {"width": 32, "layers": 2, "feed_forward": 64, "heads": 4, "dropout": 0.0, "most_words": 8}
+    small = {"width": 32, "num_layers": 2, "dim_feedforward": 64, "num_heads": 4, "dropout": 0.0, "max_words": 8}
     with seeded(seed):
         return Motion2Text(Motion2TextConfig(CODES, **{**small, **settings}), context).eval()
 
@@ -160,7 +160,7 @@ def captioner(context: Context, **settings) -> Captioner:
 def test_captions_do_not_depend_on_the_batch(context, tokens, members):
     rng = np.random.default_rng(0)
     motions = [rng.normal(size=(n, DIM)).astype(np.float32) for n in (40, 3, 17, 80, 64)]
-    made = captioner(context, tokens=tokens, members=members)
+    made = captioner(context, tokens=tokens, ensemble=members)
     searched = made.caption(motions, beams=3, n=2)
     sampled = made.caption(motions, n=3, seeds=[4, 5, 6, 7, 8], temperature=1.0)
     assert [len(c) for c in searched] == [2] * 5
@@ -178,7 +178,7 @@ def test_captions_do_not_depend_on_the_batch(context, tokens, members):
 def test_a_motion_is_read_from_every_shift(context):
     rng = np.random.default_rng(0)
     motions = [rng.normal(size=(n, DIM)).astype(np.float32) for n in (16, 6, 3)]
-    made, read = captioner(context, shifts=4), []
+    made, read = captioner(context, offsets=4), []
     made.chunk = 64
     encode = made.tokenizer.encode
     made.tokenizer.encode = lambda raw, frames: read.append((raw.numpy(), frames.tolist())) or encode(raw, frames)
@@ -189,21 +189,21 @@ def test_a_motion_is_read_from_every_shift(context):
         np.testing.assert_array_equal(row[: 16 - start], motions[0][start:])
     for row, start in zip(raw[4:8], (0, 1, 2, 2), strict=True):
         np.testing.assert_array_equal(row[:4], motions[1][start : start + 4])
-    with pytest.raises(InputError, match=r"shifts: 5: must lie in 1\.\.4"):
-        model(context, shifts=5)
+    with pytest.raises(InputError, match=r"offsets: 5: must lie in 1\.\.4"):
+        model(context, offsets=5)
 
 
 @pytest.mark.parametrize("members", [1, 2])
 def test_readings_and_members_are_averaged_in_the_search_and_take_turns_in_draws(context, members):
     motion = np.random.default_rng(2).normal(size=(18, DIM)).astype(np.float32)
-    made = captioner(context, shifts=3, members=members)
+    made = captioner(context, offsets=3, ensemble=members)
     tokens = torch.zeros(3, 4, dtype=torch.long)
     count = torch.tensor([4, 4, 4])
     for start in range(3):
         tokens[start] = made.tokenizer.encode(torch.tensor(motion[None, start : start + 16]), torch.tensor([16]))
     sources = [net.embed_tokens(tokens, count) for net in made.members]
     words = [START]
-    for _ in range(made.config.most_words):  # greedy by hand, without a cache
+    for _ in range(made.config.max_words):  # greedy by hand, without a cache
         given = torch.tensor([words] * 3)
         logits = [net.logits(*source, given)[:, -1] for net, source in zip(made.members, sources, strict=True)]
         scores = torch.cat(logits).softmax(-1).mean(0)
@@ -262,7 +262,7 @@ def test_bad_motions_are_named(context):
         captioner(context).caption([np.zeros((8, DIM), np.float32), np.zeros((8, 7), np.float32)])
     with pytest.raises(InputError, match="heads"):
         model(context, width=33)
-    with pytest.raises(InputError, match=r"motion2text.members: 0: must be at least 1"):
+    with pytest.raises(InputError, match=r"motion2text.ensemble: 0: must be at least 1"):
         member_seeds(0, 0)
 
 
@@ -287,10 +287,10 @@ def test_one_batch_is_learned_by_heart(context, tokens, tmp_path):
 @pytest.mark.parametrize("code_dim", [6, 48])
 def test_embeddings_may_start_as_the_codebook(context, tmp_path, code_dim):
     with seeded(3):
-        tokenizer = Tokenizer(TokenizerConfig(codes=200, code_dim=code_dim, width=16, fine_width=16), context)
+        tokenizer = Tokenizer(TokenizerConfig(codebook_size=200, code_dim=code_dim, width=16, fine_width=16), context)
         tokenizer.quantizer.codebook.normal_()
     save_model(tmp_path / "tokenizer", "tokenizer", tokenizer, context)
-    settings = {"width": 256, "heads": 4, "layers": 1, "feed_forward": 8}
+    settings = {"width": 256, "num_heads": 4, "num_layers": 1, "dim_feedforward": 8}
     with seeded(1):
         started = build_model("motion2text", {**settings, "start_from_codebook": True}, context, Trained(tmp_path))
     with seeded(1):
@@ -315,13 +315,13 @@ def build_members(settings, context, folder, seeds):
 
 def test_members_are_trained_from_seeds_of_their_own_and_open_together(context, tmp_path):
     with seeded(3):
-        tokenizer = Tokenizer(TokenizerConfig(codes=CODES, code_dim=8, width=16, fine_width=16), context)
+        tokenizer = Tokenizer(TokenizerConfig(codebook_size=CODES, code_dim=8, width=16, fine_width=16), context)
     save_model(tmp_path / "tokenizer", "tokenizer", tokenizer, context)
-    settings = {"width": 32, "heads": 4, "layers": 1, "feed_forward": 8, "members": 3}
+    settings = {"width": 32, "num_heads": 4, "num_layers": 1, "dim_feedforward": 8, "ensemble": 3}
     members = build_members(settings, context, tmp_path, member_seeds(5, 3))
     weights = [member.words.weight for member in members.values()]
     assert len({float(weight.detach().sum()) for weight in weights}) == 3
-    alone = build_members({**settings, "members": 1}, context, tmp_path, member_seeds(5, 1))
+    alone = build_members({**settings, "ensemble": 1}, context, tmp_path, member_seeds(5, 1))
     assert torch.equal(weights[0], alone[""].words.weight)
     for name, member in members.items():
         save_model(tmp_path / "motion2text" / name, "motion2text", member, context)

@@ -22,8 +22,8 @@ from motionary.systems.tm2t.token_generator import Guided, TokenGenerator
 CODES = 12
 BOTH = pytest.mark.parametrize("architecture", ["gru", "transformer"])
 SMALL = {
-    "word_dim": 16, "text_width": 16, "width": 32, "layers": 2, "feed_forward": 64, "heads": 4, "most_tokens": 10,
-    "teacher_forcing_start": 1.0, "teacher_forcing_end": 1.0,
+    "word_dim": 16, "text_width": 16, "width": 32, "num_layers": 2, "dim_feedforward": 64, "num_heads": 4,
+    "max_tokens": 10, "teacher_forcing_start": 1.0, "teacher_forcing_end": 1.0,
 }  # fmt: skip
 
 

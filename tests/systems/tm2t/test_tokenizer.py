@@ -14,7 +14,7 @@ from motionary.nn.layers import seeded
 from motionary.nn.quantizer import Quantizer, usage
 from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
-SMALL = TokenizerConfig(codes=16, code_dim=8, width=24, fine_width=16, decoder_blocks=2, warm_start=0.0)
+SMALL = TokenizerConfig(codebook_size=16, code_dim=8, width=24, fine_width=16, decoder_blocks=2, codebook_start=0.0)
 
 
 def build(context, **changes):
@@ -39,7 +39,7 @@ def test_four_frames_make_a_token(context, batch):
 def test_paper_architecture_has_the_published_layers(context):
     """Table 3: widths 1024, 259 in, 263 out, convolutions of width 4, 3 and 3."""
     paper = TokenizerConfig(
-        codes=1024,
+        codebook_size=1024,
         code_dim=1024,
         width=1024,
         fine_width=0,
@@ -149,7 +149,7 @@ def test_dead_codes_restart_on_recent_latents():
 
 
 def test_the_codebook_starts_from_encoder_outputs(context, batch):
-    model = build(context, warm_start=0.5).train()
+    model = build(context, codebook_start=0.5).train()
     before = model.quantizer.codebook.clone()
     model.loss(batch, 0.4, generator())
     assert torch.equal(model.quantizer.codebook, before)
@@ -166,14 +166,14 @@ def test_the_codebook_starts_from_encoder_outputs(context, batch):
 
 
 def test_gradient_reaches_the_encoder_through_the_codes(context, batch):
-    model = build(context, beta=0.0, quantizer="ema").train()
+    model = build(context, commitment_weight=0.0, quantizer="ema").train()
     model.loss(batch, 0.9, generator())[0].backward()
     assert float(model.encoder.first.convolution.weight.grad.abs().sum()) > 0
     assert float(model.decoder.output.weight.grad.abs().sum()) > 0
 
 
 def test_late_in_training_the_decoder_alone_learns(context, batch):
-    model = build(context, freeze_from=0.8).train()
+    model = build(context, freeze_encoder_from=0.8).train()
     model.loss(batch, 0.1, generator())
     codebook = model.quantizer.codebook.clone()
     model.zero_grad()
@@ -205,7 +205,7 @@ def test_trajectory_weight_adds_its_term(context, batch):
 
 @pytest.mark.parametrize("quantizer", ["ema", "gradient"])
 def test_one_batch_is_learned(context, batches, quantizer):
-    model = build(context, quantizer=quantizer, codes=32, width=48, warm_start=0.2).train()
+    model = build(context, quantizer=quantizer, codebook_size=32, width=48, codebook_start=0.2).train()
     batch = batches(context, [32, 32, 24])
     optimizer = torch.optim.Adam(model.parameters(), 3e-3)
     start = float(model.loss(batch, 0.0, generator())[0].detach())
@@ -220,7 +220,9 @@ def test_one_batch_is_learned(context, batches, quantizer):
     assert float(values["usage"]) > 0.3
 
 
-@pytest.mark.parametrize(("key", "value"), [("quantizer", "soft"), ("codes", 1), ("decay", 1.0), ("dilation", 0)])
+@pytest.mark.parametrize(
+    ("key", "value"), [("quantizer", "soft"), ("codebook_size", 1), ("codebook_decay", 1.0), ("dilation", 0)]
+)
 def test_wrong_values_are_named(key, value):
     with pytest.raises(InputError, match=rf"tokenizer\.{key}"):
         TokenizerConfig(**{key: value})

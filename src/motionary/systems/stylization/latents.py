@@ -30,22 +30,28 @@ class LatentsConfig:
         themselves, side by side, and nothing is trained.
     width: channels between the two convolutions.
     code_dim: dimensions of a code, D_z.
-    kl: weight of V's divergence from the standard normal, lambda_kl^l.
-    sparsity, smoothness: weights of A's penalties, lambda_l1 and lambda_sms.
+    kl_weight: weight of V's divergence from the standard normal, lambda_kl^l.
+    sparsity_weight, smoothness_weight: weights of A's penalties, lambda_l1 and lambda_sms.
     """
 
     variant: str = "V"
     width: int = 512
     code_dim: int = 512
-    kl: float = 0.001
-    sparsity: float = 0.001
-    smoothness: float = 0.001
+    kl_weight: float = 0.001
+    sparsity_weight: float = 0.001
+    smoothness_weight: float = 0.001
 
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:
             raise InputError("latents.variant", self.variant, f"must be one of {', '.join(VARIANTS)}")
         check_values("latents", self, ("width", "code_dim"), lambda v: v >= 1, "must be at least 1")
-        check_values("latents", self, ("kl", "sparsity", "smoothness"), lambda v: v >= 0, "must not be negative")
+        check_values(
+            "latents",
+            self,
+            ("kl_weight", "sparsity_weight", "smoothness_weight"),
+            lambda v: v >= 0,
+            "must not be negative",
+        )
 
 
 class Latents(Trainable):
@@ -147,10 +153,14 @@ class Latents(Trainable):
         if self.config.variant == "V" and log_variance is not None:
             kl = 0.5 * (codes.square() + log_variance.exp() - 1 - log_variance)  # (B, dim, S)
             terms["kl"] = masked_mean(kl.transpose(1, 2), valid)
-            loss = loss + self.config.kl * terms["kl"]
+            loss = loss + self.config.kl_weight * terms["kl"]
         elif self.config.variant == "A":
             steps = codes.transpose(1, 2)  # (B, S, dim)
             terms["sparsity"] = masked_mean(steps.abs(), valid)
             terms["smoothness"] = masked_mean((steps[:, 1:] - steps[:, :-1]).abs(), valid[:, 1:])
-            loss = loss + self.config.sparsity * terms["sparsity"] + self.config.smoothness * terms["smoothness"]
+            loss = (
+                loss
+                + self.config.sparsity_weight * terms["sparsity"]
+                + self.config.smoothness_weight * terms["smoothness"]
+            )
         return loss, {name: value.detach() for name, value in terms.items()}, decoded

@@ -32,7 +32,7 @@ class StylizationConfig:
             the label and nothing else.
         width: channels of the three networks.
         content_dim, style_dim: D_c and D_s, dimensions of a content step and of the style code.
-        blocks: residual blocks of the content encoder and of the generator.
+        num_blocks: residual blocks of the content encoder and of the generator.
         hsa, cycle, kl: lambda_hsa, lambda_cyc, lambda_kl. Reconstructions are means over valid steps and features,
             divergences means over the style code's dimensions, in place of sums: so the weights mean the same at any
             size (with sums, those of the supervised setting leave nothing in the style code).
@@ -45,7 +45,7 @@ class StylizationConfig:
     width: int = 512
     content_dim: int = 512
     style_dim: int = 512
-    blocks: int = 1
+    num_blocks: int = 1
     hsa: float = 1.0
     cycle: float = 0.1
     kl: float = 0.1
@@ -57,7 +57,7 @@ class StylizationConfig:
 
     def __post_init__(self) -> None:
         check_values("stylization", self, ("width", "content_dim", "style_dim"), lambda v: v >= 1, "must be at least 1")
-        weights = ("labels", "blocks", "hsa", "cycle", "kl", "latent_weight")
+        weights = ("labels", "num_blocks", "hsa", "cycle", "kl", "latent_weight")
         check_values("stylization", self, weights, lambda v: v >= 0, "must not be negative")
 
 
@@ -73,9 +73,9 @@ class Stylizer(Trainable):
         self.latents = Latents(LatentsConfig(config.variant, config.latent_width, config.code_dim), context)
         self.latents.requires_grad_(False)
         codes, width = self.latents.dim, config.width
-        self.content_encoder = ContentEncoder(codes, width, config.content_dim, config.blocks)
+        self.content_encoder = ContentEncoder(codes, width, config.content_dim, config.num_blocks)
         self.style_encoder = StyleEncoder(codes, width, config.style_dim, config.labels)
-        self.generator = Generator(codes, width, config.content_dim, config.style_dim, config.blocks, config.labels)
+        self.generator = Generator(codes, width, config.content_dim, config.style_dim, config.num_blocks, config.labels)
 
     @property
     def receptive(self) -> int:

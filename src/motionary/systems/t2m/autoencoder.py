@@ -23,24 +23,24 @@ class AutoencoderConfig:
     """Attributes:
     width: channels between the two convolutions.
     code_dim: dimensions of a snippet code.
-    sparsity: weight of the codes' L1 norm (Eq. 4.2); 0 leaves the term out.
-    smoothness: weight of the L1 norm of the difference of neighbouring codes (Eq. 4.2); 0 leaves it out.
+    sparsity_weight: weight of the codes' L1 norm (Eq. 4.2); 0 leaves the term out.
+    smoothness_weight: weight of the L1 norm of the difference of neighbouring codes (Eq. 4.2); 0 leaves it out.
     hide_contacts: the encoder does not see the foot contacts, the decoder predicts them.
     position_weight: extra weight of the local joint positions in the reconstruction (0: the thesis).
-    square_from: see :func:`distance` (0: the thesis).
+    berhu_threshold: see :func:`distance` (0: the thesis).
     """
 
     width: int = 512
     code_dim: int = 512
-    sparsity: float = 0.001
-    smoothness: float = 0.001
+    sparsity_weight: float = 0.001
+    smoothness_weight: float = 0.001
     hide_contacts: bool = True
     position_weight: float = 0.0
-    square_from: float = 0.0
+    berhu_threshold: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.square_from < 0:
-            raise InputError("autoencoder.square_from", self.square_from, "must be at least 0")
+        if self.berhu_threshold < 0:
+            raise InputError("autoencoder.berhu_threshold", self.berhu_threshold, "must be at least 0")
 
     def as_upstream(self) -> dict[str, Any]:
         """What this decides of the config of a system that reads the codes."""
@@ -84,15 +84,17 @@ class Autoencoder(Trainable):
         output = self.decoder(codes, count)  # (B, 4 S, D) normalized
         target = self.encoder.normalizer(batch.motion[:, : output.shape[1]])
         mask = length_mask(count * UNIT, output.shape[1])  # (B, 4 S)
-        terms = {"reconstruction": masked_mean(distance(output - target, self.config.square_from) * self.weights, mask)}
+        terms = {
+            "reconstruction": masked_mean(distance(output - target, self.config.berhu_threshold) * self.weights, mask)
+        }
         valid = length_mask(count, codes.shape[1])  # (B, S)
         terms["sparsity"] = masked_mean(codes.abs(), valid)
         # A step is valid where the code that it leads to is: the one to the zeros of the padding is none.
         terms["smoothness"] = masked_mean((codes[:, 1:] - codes[:, :-1]).abs(), valid[:, 1:])
         loss = (
             terms["reconstruction"]
-            + self.config.sparsity * terms["sparsity"]
-            + self.config.smoothness * terms["smoothness"]
+            + self.config.sparsity_weight * terms["sparsity"]
+            + self.config.smoothness_weight * terms["smoothness"]
         )
         return loss, {name: value.detach() for name, value in terms.items()}, output
 

@@ -31,7 +31,7 @@ class Text2LengthConfig:
         tags: read word classes besides words.
         dropout: on embedded words and on the sentence feature.
         word_dropout: share of words that are unknown while training, so that unknown words can be met.
-        spread: the target is a bell of this standard deviation, in units, around the true length; 0 is the thesis's
+        target_std: the target is a bell of this standard deviation, in units, around the true length; 0 is the thesis's
             plain cross-entropy, which takes a length one unit off for as wrong as any other.
     """
 
@@ -40,12 +40,14 @@ class Text2LengthConfig:
     tags: bool = True
     dropout: float = 0.0
     word_dropout: float = 0.0
-    spread: float = 0.0
+    target_std: float = 0.0
 
     def __post_init__(self) -> None:
         check_values("text2length", self, ("dropout", "word_dropout"), lambda v: 0 <= v < 1, "must be in [0, 1)")
-        if self.spread < 0:
-            raise InputError("text2length.spread", self.spread, "must not be negative (0: only the true length)")
+        if self.target_std < 0:
+            raise InputError(
+                "text2length.target_std", self.target_std, "must not be negative (0: only the true length)"
+            )
 
 
 class Text2Length(Trainable):
@@ -75,11 +77,11 @@ class Text2Length(Trainable):
         words = hide_words(batch.words, self.config.word_dropout, generator) if self.training else batch.words
         logits, target = self(words, batch.tags, batch.word_count), self._target(batch)  # (B, T_max), (B,)
         nll = F.cross_entropy(logits, target)
-        if not self.config.spread:
+        if not self.config.target_std:
             return nll, {"nll": nll.detach()}
         units = torch.arange(logits.shape[1], device=logits.device)
         # A softmax and not the normal density: what lies beyond the shortest and longest length is shared out again.
-        bell = torch.softmax(-0.5 * ((units - target[:, None]) / self.config.spread).square(), dim=-1)  # (B, T_max)
+        bell = torch.softmax(-0.5 * ((units - target[:, None]) / self.config.target_std).square(), dim=-1)  # (B, T_max)
         return F.cross_entropy(logits, bell), {"nll": nll.detach()}
 
     @torch.no_grad()

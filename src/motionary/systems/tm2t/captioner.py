@@ -69,7 +69,7 @@ class Captioner:
         # Similar lengths share a chunk, so little is padded.
         order = np.argsort([len(array) for array in features], kind="stable")
         draws = n if temperature is not None else consensus
-        chunk = max(1, min(self.chunk // self.config.shifts, 4 * self.chunk // max(1, draws)))
+        chunk = max(1, min(self.chunk // self.config.offsets, 4 * self.chunk // max(1, draws)))
         results: list[list[str]] = [[] for _ in features]
         for first in range(0, len(order), chunk):
             chosen = order[first : first + chunk]
@@ -105,13 +105,13 @@ class Captioner:
     def _readings(self, motion: np.ndarray) -> list[np.ndarray]:
         """A motion (T, D) from each of its starts, none of which cuts into a last unit."""
         latest = max(0, len(motion) - self.context.unit)
-        return [motion[min(start, latest) :] for start in range(self.config.shifts)]
+        return [motion[min(start, latest) :] for start in range(self.config.offsets)]
 
     def _search(self, states: list[Cache], items: int, beams: int, n: int) -> list[list[str]]:
         """The n likeliest captions of each item, averaged over members and readings."""
         start = torch.full((items,), START, device=states[0].item.device)
-        decoder = Averaged(self.members, self.config.shifts)
-        found = beam_search(decoder, states, start, END, beams, n, self.config.most_words, banned=_NEVER)
+        decoder = Averaged(self.members, self.config.offsets)
+        found = beam_search(decoder, states, start, END, beams, n, self.config.max_words, banned=_NEVER)
         return [[self._text(hypothesis.tokens) for hypothesis in item] for item in found]
 
     def _sample(self, states: list[Cache], seeds: list[int], n: int, temperature: float) -> list[list[str]]:
@@ -120,7 +120,7 @@ class Captioner:
         The tail of each distribution that label smoothing spread over all words is left out: of ten words one would
         come from it.
         """
-        steps, ways = self.config.most_words, len(self.members)
+        steps, ways = self.config.max_words, len(self.members)
         sampling = Sampling(temperature, top_p=1 - self.config.label_smoothing)
         noise = uniform_noise(seeds, n * steps).view(len(seeds), n, steps)
         texts = [[""] * n for _ in seeds]

@@ -60,7 +60,7 @@ class InverseAlignment(Text2Token):
 
     def learn_from(self, reader: Motion2Text) -> None:
         """Freeze `reader` and use it for the second term."""
-        if reader.config.codes != self.config.codes or not reader.config.tokens:
+        if reader.config.codebook_size != self.config.codebook_size or not reader.config.tokens:
             raise InputError("models/motion2text", reader.config, "must read the tokens of the same tokenizer")
         if reader.context.vocabulary.words != self.context.vocabulary.words:
             raise InputError("models/motion2text", "vocabulary", "must be that of text2token")
@@ -103,7 +103,7 @@ class InverseAlignment(Text2Token):
         start = torch.full((len(words),), self.start_token, device=words.device)
         # One step more than the longest motion: room for its end. (R, S, K + 3)
         samples = net.gumbel(
-            net.start(words, tags, count), start, self.config.most_tokens + 1, self.end_token,
+            net.start(words, tags, count), start, self.config.max_tokens + 1, self.end_token,
             self.config.gumbel_temperature, generator,
         )  # fmt: skip
         source, mask = self._as_source(samples, start)  # (R, S + 1, K + 3), (R, S + 1)

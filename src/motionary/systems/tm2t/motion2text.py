@@ -22,39 +22,39 @@ class Motion2TextConfig:
     """Settings of the captioner; the defaults are the paper's (appendix B).
 
     Attributes:
-        codes: size of the tokenizer's codebook (the stage takes it from there).
+        codebook_size: size of the tokenizer's codebook (the stage takes it from there).
         tokenizer: name of the system whose tokens are read.
         tokens: read motion tokens; False is the ablation of Table 1, which reads the features themselves.
         pose_frames: without tokens, frames that one position of the source holds: 1 reads pose after pose, the
             corpus's unit of frames gives sources as short as those of tokens.
-        width, layers, feed_forward, heads: of the Transformer, `layers` in encoder and decoder each.
+        width, num_layers, dim_feedforward, num_heads: of the Transformer, `layers` in encoder and decoder each.
         dropout: on embeddings and branches.
         label_smoothing: share of the target's probability spread over all words (0 in the paper).
         token_dropout: share of motion tokens hidden from the encoder while training (0 in the paper).
         start_from_codebook: token embeddings start as the tokenizer's codebook, codes of like motion alike (False in
             the paper: at random).
-        shifts: starts, in frames, from which a motion is cut into units: training draws one, decoding averages what all
-            of them predict (1 in the paper). Which frames share a unit is chance.
-        members: captioners that are trained apart, each with its own seed, and average what they predict (1 in the
+        offsets: first frames from which a motion is cut into units: training draws one, decoding averages what all of
+            them predict (1 in the paper), since which frames share a unit is chance.
+        ensemble: captioners that are trained apart, each with its own seed, and average what they predict (1 in the
             paper). Inverse alignment learns from the first.
-        most_words: longest caption.
+        max_words: longest caption.
     """
 
-    codes: int
+    codebook_size: int
     tokenizer: str = "tokenizer"
     tokens: bool = True
     pose_frames: int = 1
     width: int = 512
-    layers: int = 4
-    feed_forward: int = 2048
-    heads: int = 8
+    num_layers: int = 4
+    dim_feedforward: int = 2048
+    num_heads: int = 8
     dropout: float = 0.1
     label_smoothing: float = 0.0
     token_dropout: float = 0.0
     start_from_codebook: bool = False
-    shifts: int = 1
-    members: int = 1
-    most_words: int = 30
+    offsets: int = 1
+    ensemble: int = 1
+    max_words: int = 30
 
 
 class Motion2Text(Trainable):
@@ -65,15 +65,19 @@ class Motion2Text(Trainable):
 
     def __init__(self, config: Motion2TextConfig, context: Context):
         super().__init__()
-        if config.width % config.heads:
-            raise InputError("motion2text.width", config.width, f"must be divisible by heads={config.heads}")
-        if not 1 <= config.shifts <= context.unit:
-            raise InputError("motion2text.shifts", config.shifts, f"must lie in 1..{context.unit}")
+        if config.width % config.num_heads:
+            raise InputError("motion2text.width", config.width, f"must be divisible by heads={config.num_heads}")
+        if not 1 <= config.offsets <= context.unit:
+            raise InputError("motion2text.offsets", config.offsets, f"must lie in 1..{context.unit}")
         self.config, self.context = config, context
-        self.start_token, self.end_token, self.pad_token = config.codes, config.codes + 1, config.codes + 2
+        self.start_token, self.end_token, self.pad_token = (
+            config.codebook_size,
+            config.codebook_size + 1,
+            config.codebook_size + 2,
+        )
         words = len(context.vocabulary)
         if config.tokens:
-            self.source = nn.Embedding(config.codes + 3, config.width, padding_idx=self.pad_token)
+            self.source = nn.Embedding(config.codebook_size + 3, config.width, padding_idx=self.pad_token)
             nn.init.normal_(self.source.weight, std=1.0)
         else:
             self.normalizer = Normalizer(context.mean, context.std)
@@ -85,7 +89,7 @@ class Motion2Text(Trainable):
         self.words = nn.Embedding(words, config.width, padding_idx=PAD)
         nn.init.normal_(self.words.weight, std=config.width**-0.5)
         self.body = TokenTransformer(
-            config.width, config.heads, config.feed_forward, config.layers, config.layers, config.dropout
+            config.width, config.num_heads, config.dim_feedforward, config.num_layers, config.num_layers, config.dropout
         )
 
     # The source -----------------------------------------------------------------------------------------------------
@@ -124,7 +128,7 @@ class Motion2Text(Trainable):
         ids, mask = self.token_source(batch.tokens, batch.token_count)
         if self.training and self.config.token_dropout:
             hidden = torch.rand(ids.shape, device=ids.device) < self.config.token_dropout
-            ids = ids.masked_fill(hidden & (ids < self.config.codes), self.pad_token)
+            ids = ids.masked_fill(hidden & (ids < self.config.codebook_size), self.pad_token)
         return self.embed(ids), mask
 
     @torch.no_grad()
@@ -191,5 +195,5 @@ def member_name(number: int) -> str:
 def member_seeds(seed: int, members: int) -> list[int]:
     """Seeds of the members, first that of the run; runs of neighboring seeds share none."""
     if members < 1:
-        raise InputError("motion2text.members", members, "must be at least 1")
+        raise InputError("motion2text.ensemble", members, "must be at least 1")
     return [seed + 1009 * number for number in range(members)]

@@ -35,7 +35,9 @@ def build_motion2text(settings: Mapping[str, Any], context: Context, trained: Tr
     """A fresh captioner for the tokens of `trained`'s tokenizer; `settings` are the remaining keys of its config."""
     from motionary.systems.tm2t.motion2text import Motion2Text, Motion2TextConfig
 
-    config = configure(Motion2TextConfig, {"codes": trained.config("tokenizer")["codes"], **settings}, "motion2text")
+    config = configure(
+        Motion2TextConfig, {"codebook_size": trained.config("tokenizer")["codebook_size"], **settings}, "motion2text"
+    )
     model = Motion2Text(config, context)
     if config.tokens and config.start_from_codebook:
         model.start_from(trained.load("tokenizer").quantizer.codebook)
@@ -48,7 +50,7 @@ def open_captioner(trained: Trained, name: str) -> Captioner:
     from motionary.systems.tm2t.motion2text import member_name
 
     first = trained.load(name)
-    others = [trained.load(f"{name}/{member_name(number)}") for number in range(1, first.config.members)]
+    others = [trained.load(f"{name}/{member_name(number)}") for number in range(1, first.config.ensemble)]
     return Captioner([first, *others], trained.load(first.config.tokenizer) if first.config.tokens else None)
 
 
@@ -56,7 +58,9 @@ def build_text2token(settings: Mapping[str, Any], context: Context, trained: Tra
     """A fresh model that writes the tokens of a trained tokenizer; `settings` are the remaining keys of its config."""
     from motionary.systems.tm2t.text2token import Text2Token, Text2TokenConfig
 
-    config = configure(Text2TokenConfig, {"codes": trained.config("tokenizer")["codes"], **settings}, "text2token")
+    config = configure(
+        Text2TokenConfig, {"codebook_size": trained.config("tokenizer")["codebook_size"], **settings}, "text2token"
+    )
     return Text2Token(config, context)
 
 

@@ -25,12 +25,12 @@ class Text2TokenConfig:
     """Settings of the generator; the defaults are the paper's (appendix B, Table 3).
 
     Attributes:
-        codes: size of the tokenizer's codebook (the stage takes it from there).
+        codebook_size: size of the tokenizer's codebook (the stage takes it from there).
         tokenizer: name of the system whose tokens are written.
         architecture: "gru", or "transformer" for the baseline (T).
         word_dim, text_width: of the text encoder; text_width is one direction of its GRU.
         width: of the token GRU, or of the Transformer.
-        layers, feed_forward, heads: of the Transformer, `layers` in encoder and decoder each.
+        num_layers, dim_feedforward, num_heads: of the Transformer, `layers` in encoder and decoder each.
         tags: read word classes besides words.
         positions: add sinusoids of the time step to the GRU's tokens (Table 3).
         dropout: on word features, token embeddings, outputs and branches.
@@ -40,20 +40,20 @@ class Text2TokenConfig:
         token_dropout: share of input tokens that are hidden while training (0 in the paper).
         word_dropout: share of words that are unknown while training, so that unknown words can be met (0 in the paper).
         text_dropout: share of sentences replaced by the empty one while training, which guidance needs (0: none).
-        most_tokens: longest motion, in tokens.
+        max_tokens: longest motion, in tokens.
         temperature, top_k, top_p: of sampling, where a call does not say otherwise.
         guidance: scale of classifier-free guidance (Ho and Salimans, 2022); 1 is off.
     """
 
-    codes: int
+    codebook_size: int
     tokenizer: str = "tokenizer"
     architecture: str = "gru"
     word_dim: int = 300
     text_width: int = 512
     width: int = 1024
-    layers: int = 3
-    feed_forward: int = 2048
-    heads: int = 8
+    num_layers: int = 3
+    dim_feedforward: int = 2048
+    num_heads: int = 8
     tags: bool = False
     positions: bool = True
     dropout: float = 0.0
@@ -63,7 +63,7 @@ class Text2TokenConfig:
     token_dropout: float = 0.0
     word_dropout: float = 0.0
     text_dropout: float = 0.0
-    most_tokens: int = 49
+    max_tokens: int = 49
     temperature: float = 1.0
     top_k: int = 0
     top_p: float = 1.0
@@ -74,8 +74,8 @@ class Text2TokenConfig:
         check_values("text2token", self, shares, lambda v: 0 <= v <= 1, "must be a probability, 0 to 1")
         if self.architecture not in ("gru", "transformer"):
             raise InputError("text2token.architecture", self.architecture, "must be gru or transformer")
-        if self.architecture == "transformer" and self.width % self.heads:
-            raise InputError("text2token.width", self.width, f"must be divisible by heads={self.heads}")
+        if self.architecture == "transformer" and self.width % self.num_heads:
+            raise InputError("text2token.width", self.width, f"must be divisible by heads={self.num_heads}")
         if self.guidance != 1 and not self.text_dropout:
             raise InputError("text2token.guidance", self.guidance, "must be 1 unless text_dropout is above 0")
         Sampling(self.temperature, self.top_k, self.top_p)
@@ -87,10 +87,10 @@ class TransformerTokens(nn.Module):
     def __init__(self, config: Text2TokenConfig, words: int):
         super().__init__()
         self.words = WordEmbedding(words, config.width, config.tags)
-        self.tokens = nn.Embedding(config.codes + 3, config.width)
+        self.tokens = nn.Embedding(config.codebook_size + 3, config.width)
         nn.init.normal_(self.tokens.weight, std=config.width**-0.5)
         self.body = TokenTransformer(
-            config.width, config.heads, config.feed_forward, config.layers, config.layers, config.dropout
+            config.width, config.num_heads, config.dim_feedforward, config.num_layers, config.num_layers, config.dropout
         )
         self.scale = config.width**0.5
 
@@ -125,14 +125,18 @@ class Text2Token(Trainable):
     def __init__(self, config: Text2TokenConfig, context: Context):
         super().__init__()
         self.config, self.context = config, context
-        self.start_token, self.end_token, self.pad_token = config.codes, config.codes + 1, config.codes + 2
+        self.start_token, self.end_token, self.pad_token = (
+            config.codebook_size,
+            config.codebook_size + 1,
+            config.codebook_size + 2,
+        )
         words = len(context.vocabulary)
         if config.architecture == "transformer":
             self.net: TokenGRU | TransformerTokens = TransformerTokens(config, words)
         else:
             self.net = TokenGRU(
-                config.codes, words, config.word_dim, config.text_width, config.width, config.tags, config.positions,
-                config.dropout,
+                config.codebook_size, words, config.word_dim, config.text_width, config.width, config.tags,
+                config.positions, config.dropout,
             )  # fmt: skip
 
     def nll(

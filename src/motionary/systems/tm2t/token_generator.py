@@ -100,7 +100,7 @@ class TokenGenerator:
             config.top_k if top_k is None else top_k,
             config.top_p if top_p is None else top_p,
         )
-        steps = config.most_tokens if lengths is None else max(lengths)
+        steps = config.max_tokens if lengths is None else max(lengths)
         guidance = config.guidance if guidance is None else guidance
         if guidance != 1 and not config.text_dropout:
             raise InputError("guidance", guidance, "must be 1: this model was trained without text_dropout")

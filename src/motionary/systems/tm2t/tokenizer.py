@@ -22,7 +22,7 @@ from motionary.systems.trainable import Loss, Trainable
 @dataclass(frozen=True)
 class TokenizerConfig:
     """Attributes:
-    codes: entries of the codebook (K).
+    codebook_size: entries of the codebook (K).
     code_dim: dimensions of an entry (d).
     width: channels at a quarter of the frame rate.
     fine_width: channels at half the frame rate and above; 0 is `width` (Table 3).
@@ -31,20 +31,20 @@ class TokenizerConfig:
     fine_blocks: residual blocks of the encoder at half the frame rate (Table 3: 1).
     dilation: the n-th block of a stack is dilated by dilation ** n; 1 is Table 3.
     quantizer: "gradient" (Eq. 3) or "ema" with restart of dead codes.
-    beta: weight of the commitment term (Eq. 3).
-    decay: of the running means of the "ema" quantizer.
-    dead: an "ema" code chosen less than this share of the mean restarts.
-    warm_start: share of the training before the codebook is drawn from encoder outputs; 0 draws it at once, -1
+    commitment_weight: weight of the commitment term (Eq. 3).
+    codebook_decay: of the running means of the "ema" quantizer.
+    restart_below: an "ema" code chosen less than this share of the mean restarts.
+    codebook_start: share of the training before the codebook is drawn from encoder outputs; 0 draws it at once, -1
         keeps the published random codebook.
     restart_until: share of the training up to which dead codes restart.
-    freeze_from: share of the training from which encoder and codebook rest and the decoder alone learns; 1 is off.
+    freeze_encoder_from: share of the training from which only the decoder learns; 1 is off.
     hide_contacts: the encoder does not see the foot contacts, the decoder predicts them.
     position_weight: extra weight of the local joint positions in the reconstruction; 0 is Eq. 3.
-    square_from: errors beyond this many deviations count by their square (see autoencoder.distance); 0 is Eq. 3.
+    berhu_threshold: errors beyond this many deviations count by their square (see autoencoder.distance); 0 is Eq. 3.
     trajectory_weight: weight of the error of the integrated root trajectory, metres; 0 is Eq. 3.
     """
 
-    codes: int = 512
+    codebook_size: int = 512
     code_dim: int = 128
     width: int = 384
     fine_width: int = 192
@@ -53,26 +53,26 @@ class TokenizerConfig:
     fine_blocks: int = 1
     dilation: int = 2
     quantizer: str = "ema"
-    beta: float = 0.25
-    decay: float = 0.99
-    dead: float = 0.1
-    warm_start: float = 0.05
+    commitment_weight: float = 0.25
+    codebook_decay: float = 0.99
+    restart_below: float = 0.1
+    codebook_start: float = 0.05
     restart_until: float = 0.7
-    freeze_from: float = 1.0
+    freeze_encoder_from: float = 1.0
     hide_contacts: bool = True
     position_weight: float = 1.0
-    square_from: float = 0.0
+    berhu_threshold: float = 0.0
     trajectory_weight: float = 0.0
 
     def __post_init__(self) -> None:
         rules = {
-            "codes": (self.codes >= 2, "must be at least 2"),
+            "codebook_size": (self.codebook_size >= 2, "must be at least 2"),
             "code_dim": (self.code_dim >= 1, "must be at least 1"),
             "width": (self.width >= 1, "must be at least 1"),
             "dilation": (self.dilation >= 1, "must be at least 1"),
             "quantizer": (self.quantizer in KINDS, f"must be one of {', '.join(KINDS)}"),
-            "square_from": (self.square_from >= 0, "must be at least 0"),
-            "decay": (0 <= self.decay < 1, "must be in [0, 1)"),
+            "berhu_threshold": (self.berhu_threshold >= 0, "must be at least 0"),
+            "codebook_decay": (0 <= self.codebook_decay < 1, "must be in [0, 1)"),
         }
         for key, (holds, rule) in rules.items():
             if not holds:
@@ -146,7 +146,9 @@ class Tokenizer(Trainable):
         features = len(self.normalizer.mean)
         self.seen, self.codec = context.seen_columns(config.hide_contacts), context.make_codec()
         self.encoder = TokenEncoder(config, width(self.seen))
-        self.quantizer = Quantizer(config.codes, config.code_dim, config.quantizer, config.decay, config.dead)
+        self.quantizer = Quantizer(
+            config.codebook_size, config.code_dim, config.quantizer, config.codebook_decay, config.restart_below
+        )
         self.decoder = TokenDecoder(config, features)
         self.positions = context.columns("positions")
         weights = feature_weights(features, self.positions, config.position_weight)
@@ -173,15 +175,15 @@ class Tokenizer(Trainable):
     def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 3 as means over valid frames and features, with the config's extra terms."""
         config = self.config
-        warm = self.training and progress < config.warm_start
+        warm = self.training and progress < config.codebook_start
         # A codebook drawn from what the encoder says is used from its first step on; a random one lies far from all of
         # it, and the few codes that are nearest take everything.
-        if self.training and not warm and config.warm_start >= 0 and not bool(self.quantizer.started):
+        if self.training and not warm and config.codebook_start >= 0 and not bool(self.quantizer.started):
             with torch.no_grad():
                 latents = self._latents(batch.motion, batch.frames)
                 valid = length_mask(batch.frames // UNIT, latents.shape[1])
                 self.quantizer.start(latents[valid], generator)
-        frozen = self.training and progress >= config.freeze_from
+        frozen = self.training and progress >= config.freeze_encoder_from
         total, terms, _ = self._loss(batch, warm, frozen)
         return total, terms
 
@@ -219,14 +221,14 @@ class Tokenizer(Trainable):
         else:
             entries, codes, embedding, commitment = self.quantizer(latents, valid)  # (B, S, d), (B, S), (), ()
         if not warm:
-            terms["usage"], terms["perplexity"] = usage(codes[valid], config.codes)
+            terms["usage"], terms["perplexity"] = usage(codes[valid], config.codebook_size)
         output = self.decoder(entries, count)  # (B, 4 S, D) normalized
         target = self.normalizer(batch.motion[:, : output.shape[1]])
         # Frames of an unfinished unit have no token: nobody could decode them.
         mask = length_mask(count * UNIT, output.shape[1])  # (B, 4 S)
-        terms["reconstruction"] = masked_mean(distance(output - target, config.square_from) * self.weights, mask)
+        terms["reconstruction"] = masked_mean(distance(output - target, config.berhu_threshold) * self.weights, mask)
         terms["commitment"] = commitment
-        total = terms["reconstruction"] + embedding + config.beta * commitment
+        total = terms["reconstruction"] + embedding + config.commitment_weight * commitment
         if config.trajectory_weight:
             terms["trajectory"] = self._trajectory(output, batch.motion[:, : output.shape[1]], mask)
             total = total + config.trajectory_weight * terms["trajectory"]
