@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -12,6 +12,7 @@ import torch
 from motionary.language import Sentence
 from motionary.nn.padding import by_length, pad
 from motionary.systems.io import load_model, model_hash
+from motionary.systems.judges.evaluator import Evaluator
 
 
 class Judge:
@@ -24,7 +25,7 @@ class Judge:
     """
 
     def __init__(self, folder: Path, device: str = "cpu", batch_size: int = 64):
-        self.model = cast(Any, load_model(folder, device))
+        self.model = cast(Evaluator, load_model(folder, device))
         self.hash = model_hash(folder)
         self.context = self.model.context
         self.device, self.batch_size = device, batch_size

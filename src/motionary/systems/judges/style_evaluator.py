@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -187,7 +187,9 @@ class StyleJudge:
         return self._judge(self.model.content, features)
 
     @torch.no_grad()
-    def _judge(self, judge: Any, features: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def _judge(
+        self, judge: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]], features: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
         found: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0), np.zeros(0))] * len(features)
         for rows in by_length([len(f) for f in features], self.batch_size):
             batch, frames = pad([features[i] for i in rows])
