@@ -16,7 +16,12 @@ PATIENCE = 60.0  # seconds
 
 def options() -> dict[str, Any]:
     """Of every connection to a page."""
-    return {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "open_timeout": PATIENCE}
+    return {
+        "subprotocols": [f"viser-v{viser.__version__}"],
+        "max_size": None,
+        "max_queue": None,
+        "open_timeout": PATIENCE,
+    }
 
 
 class Visitor:
@@ -36,9 +41,9 @@ class Visitor:
         one, none = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         self.send(messages.ViewerCameraMessage(one, (0.0, 1.0, 3.0), 1.0, 0.1, 100.0, 480, 640, none, (0.0, 1.0, 0.0)))
 
-    def send(self, message: Any) -> None:
-        """Hands a message to the server."""
-        self._socket.send(msgspec.msgpack.encode(message.as_serializable_dict()))
+    def send(self, message: Any, **changed: Any) -> None:
+        """Hands a message to the server, with some values that its type does not allow."""
+        self._socket.send(msgspec.msgpack.encode({**message.as_serializable_dict(), **changed}))
 
     def until(self, holds: Any, what: str, seconds: float = PATIENCE) -> None:
         """Reads what comes until something holds; AssertionError where it does not in time."""
@@ -56,16 +61,16 @@ class Visitor:
         self.until(lambda: label in self.controls, f"the control {label}")
         self.send(messages.GuiUpdateMessage(self.controls[label], {"value": value}))
 
-    def begin_upload(self, label: str, name: str, size: Any, parts: Any = 1, transfer: str | None = None) -> str:
+    def begin_upload(self, label: str, name: str, size: int, parts: int = 1) -> str:
         """Announces a file for a button; returns the upload's id."""
         self.until(lambda: label in self.controls, f"the control {label}")
-        transfer = transfer or f"{name}-{time.monotonic_ns()}"
+        transfer = f"{name}-{time.monotonic_ns()}"
         self.send(messages.FileTransferStartUpload(self.controls[label], transfer, name, "", parts, size))
         return transfer
 
     def send_part(self, label: str, transfer: str, index: int, content: Any) -> None:
         """Sends a part of a file."""
-        self.send(messages.FileTransferPart(self.controls[label], transfer, index, content))
+        self.send(messages.FileTransferPart(self.controls[label], transfer, index, b""), content=content)
 
     def upload(self, label: str, name: str, content: bytes) -> None:
         """Sends a whole file."""

@@ -57,7 +57,7 @@ def take(button: viser.GuiUploadButtonHandle) -> viser.UploadedFile:
 def _refusal(message: FileTransferStartUpload, pending: dict[str, Any]) -> str | None:
     """Why an upload may not begin; None: it may."""
     size, parts = message.size_bytes, message.part_count
-    if not (isinstance(size, int) and isinstance(parts, int) and size >= 0 and 0 <= parts <= MOST_PARTS):
+    if size < 0 or not 0 <= parts <= MOST_PARTS:
         return "it does not say how large it is"
     if size > MOST_BYTES:
         return f"{size / 2**20:.0f} MB: at most {MOST_BYTES // 2**20} MB can be read here"
