@@ -75,9 +75,8 @@ class App:
     def _welcome(self, client: viser.ClientHandle) -> None:
         limit_uploads(client)
         self._panels[client.client_id] = Panel(client, self.dictionary, self.workers)
-        if (
-            client.client_id not in self.server.get_clients()
-        ):  # who leaves at once may be gone before the panel is there
+        # Who leaves at once may be gone before the panel is there, and then nothing else closes it.
+        if client.client_id not in self.server.get_clients():
             self._leave(client)
 
     def _leave(self, client: viser.ClientHandle) -> None:
