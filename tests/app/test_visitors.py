@@ -109,9 +109,14 @@ def test_a_clock_sent_nonsense_runs_on(app, visit):
     visitor.ask("Generate")
     visitor.until(lambda: any(text.startswith("Read as") for text in visitor.texts), "a result")
     player = app._panels[max(app._panels)].player
-    for control, value in (("Time", float("nan")), ("Time", 1e300), ("Time", -5.0), ("Speed", 1e300), ("Speed", -1.0)):
-        visitor.ask(control, value)
-    assert soon(lambda: player.speed == limits.SPEEDS[0] and player.seconds == 0.0 and not player.playing)
+    last = player.duration
+    for value, seconds in ((float("nan"), 0.0), (1e300, last), (float("inf"), 0.0), (-5.0, 0.0)):
+        player.seconds = 0.1
+        visitor.ask("Time", value)
+        assert soon(lambda: not player.playing and player.seconds == seconds), value  # noqa: B023
+    for value, speed in ((1e300, limits.SPEEDS[1]), (-1.0, limits.SPEEDS[0]), (float("nan"), 1.0)):
+        visitor.ask("Speed", value)
+        assert soon(lambda: player.speed == speed), value  # noqa: B023
     visitor.ask("Playing", True)
     assert soon(lambda: 0 < player.seconds < player.duration)
 
