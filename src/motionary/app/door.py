@@ -21,6 +21,9 @@ _LARGEST = 2 * 2**20  # bytes of a message; the page sends files in parts of hal
 def refusal(headers: Mapping[str, str], local: bool, origins: Sequence[str] = ()) -> str | None:
     """Why a request is refused; None: it is welcome.
 
+    Browsers let any page open a WebSocket to any address, this machine's own among them, and name the page's site in
+    Origin; programs name none.
+
     Args:
         headers: of the request, which may be for a page or to open a WebSocket.
         local: whether the server listens to this machine alone.
