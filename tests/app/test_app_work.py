@@ -7,14 +7,14 @@ import pickle
 import socket
 import subprocess
 import sys
-import time
+import tempfile
 import zipfile
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from motionary.app import server, work
+from motionary.app import limits, server, work
 from motionary.app.figures import make_figure
 from motionary.app.player import _places
 from motionary.corpus.demo import demo_clip
@@ -47,7 +47,7 @@ def test_bad_uploads_are_one_line_that_names_them(walk, tmp_path, monkeypatch):
     np.savez(pickled, positions=np.array([Evil()], dtype=object), allow_pickle=True)
     bomb = io.BytesIO()
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("positions.npy", bytes(work.MOST_UNPACKED + 1))
+        archive.writestr("positions.npy", bytes(limits.MOST_UNPACKED + 1))
     good = saved(walk, tmp_path / "x.bvh")
     cases = {
         "a.exe": (b"MZ", "only .bvh .npz"),
@@ -58,7 +58,7 @@ def test_bad_uploads_are_one_line_that_names_them(walk, tmp_path, monkeypatch):
         "noise.npz": (bytes(range(256)) * 8, "not a readable"),
         "pickled.npz": (pickled.getvalue(), "never loaded"),
         "bomb.npz": (bomb.getvalue(), "when unpacked"),
-        "big.bvh": (bytes(work.MOST_BYTES + 1), "at most 20 MB"),
+        "big.bvh": (bytes(limits.MOST_BYTES + 1), "at most 20 MB"),
         "../../etc/x.bvh": (b"nonsense", "x.bvh"),
     }
     for name, (content, message) in cases.items():
@@ -72,43 +72,35 @@ def test_bad_uploads_are_one_line_that_names_them(walk, tmp_path, monkeypatch):
     monkeypatch.setattr(work, "MOST_SECONDS", 0.5)
     with pytest.raises(InputError, match="at most 0 s"):
         work.read_upload("long.bvh", good)
+    monkeypatch.undo()
+    monkeypatch.setattr(work, "MOST_PLACES", walk.frames * len(walk.skeleton.joints) - 1)
+    with pytest.raises(InputError, match="joints times frames"):
+        work.read_upload("wide.bvh", good)
 
 
 def test_files_are_those_that_save_writes(walk, tmp_path):
     short = walk.crop(0, 6)
     assert work.file_bytes(short, ".bvh", "") == saved(short, tmp_path / "x.bvh")
     assert work.file_bytes(short, ".mp4", "a walk")[4:8] == b"ftyp"
+    for extension in (".npz", "./../x.bvh", ".html"):
+        with pytest.raises(InputError, match=r"must be one of \.bvh, \.glb, \.mp4"):
+            work.file_bytes(short, extension, "")
 
 
-def _refuse(what: str):
-    raise InputError(what, 1, "no")
+def test_a_video_shows_no_more_than_it_may(walk, monkeypatch):
+    monkeypatch.setattr(work, "MOST_VIDEO", 0.3)
+    assert frames_in(work.file_bytes(walk, ".mp4", "")) == round(0.3 * walk.fps)
+    assert frames_in(work.file_bytes(walk.crop(0, 4), ".mp4", "")) == 4
 
 
-def _die():
-    import os
+def frames_in(video: bytes) -> int:
+    """Frames of an mp4, counted by decoding it."""
+    import imageio_ffmpeg
 
-    os._exit(1)
-
-
-def _sleep():
-    time.sleep(60)
-
-
-def test_workers_hand_errors_on_and_outlive_a_dead_process(monkeypatch):
-    workers = work.Workers(threads=1, processes=1)
-    try:
-        with pytest.raises(InputError, match="thing: 1: no"):
-            workers.in_process(_refuse, "thing")
-        with pytest.raises(InputError, match="could not be handled"):
-            workers.in_process(_die)
-        assert workers.in_process(len, "abc") == 3
-        monkeypatch.setattr(work, "_PATIENCE", 0.2)
-        with pytest.raises(InputError, match="took longer"):
-            workers.in_process(_sleep)
-        monkeypatch.setattr(work, "_MOST_WAITING", 0)
-        assert not workers.submit(lambda: None)
-    finally:
-        workers.close()
+    with tempfile.NamedTemporaryFile(suffix=".mp4") as file:
+        file.write(video)
+        file.flush()
+        return imageio_ffmpeg.count_frames_and_secs(file.name)[0]
 
 
 def test_a_port_in_use_and_missing_models_are_one_line(pipeline, tmp_path):
@@ -125,27 +117,6 @@ def test_a_port_in_use_and_missing_models_are_one_line(pipeline, tmp_path):
             server.check_port(host, port)
     with pytest.raises(InputError, match=r"dvc repro"):
         server.App(tmp_path / "nothing", "cpu", "127.0.0.1", 0)
-
-
-def test_a_page_of_another_site_is_turned_away(pipeline):
-    import viser
-    from websockets.exceptions import ConnectionClosed
-    from websockets.sync.client import connect
-
-    app = server.App(pipeline / "models", "cpu", "127.0.0.1", 0, ["https://Motion.example.org/"])
-    try:
-        address, site = app.url.replace("http", "ws"), app.url
-        options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "open_timeout": 60}
-        for origin in (None, site, "https://motion.example.org"):
-            with connect(address, origin=origin, **options) as socket:
-                assert socket.recv(timeout=60)
-        for origin in ("https://example.com", site.replace("localhost", "localhost.example.com"), "null"):
-            with connect(address, origin=origin, **options) as socket, pytest.raises(ConnectionClosed) as caught:
-                socket.recv(timeout=60)
-            assert caught.value.rcvd is not None
-            assert caught.value.rcvd.code == 1008
-    finally:
-        app.close()
 
 
 def test_it_listens_here_alone_unless_told_otherwise():

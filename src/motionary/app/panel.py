@@ -3,40 +3,36 @@
 from __future__ import annotations
 
 import re
-import threading
-import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
+from motionary.app import limits
 from motionary.app.figures import LOOKS
+from motionary.app.limits import among, within
 from motionary.app.player import Item, Player
+from motionary.app.turns import Turns
+from motionary.app.uploads import take
 from motionary.app.work import READABLE, WRITABLE, Workers, file_bytes, read_upload
 from motionary.dictionary.dictionary import Dictionary
 from motionary.errors import InputError
 from motionary.motion import Motion
 from motionary.systems.registry import MOTION_TO_TEXT, SEARCH, STYLIZE, TEXT_TO_MOTION
 
-_MOST_VARIANTS = 6
 _CHANCE, _REFERENCE = "by chance", "of the reference"
 _TITLE = 40  # letters above a figure
 _NUDGE = 1e-4  # seconds, fewer than the scrubber shows: viser sends no value that has not changed
-READY = "Ready."
 
 
 class Panel:
-    """The controls of one visitor.
-
-    Jobs run one at a time for each visitor, in the shared workers; a sign says what is being done.
-    """
+    """The controls of one visitor. What they ask for runs one at a time; see :class:`Turns`."""
 
     def __init__(self, client: Any, dictionary: Dictionary, workers: Workers):
-        self.client, self.dictionary, self.workers = client, dictionary, workers
-        self.gui = client.gui
-        self._busy, self._closed = threading.Lock(), False
+        self.client, self.dictionary, self.gui = client, dictionary, client.gui
+        self._turns = Turns(client, workers)
+        self._submit, self._start, self._say = workers.submit, self._turns.start, self._turns.say
         self._loaded: Motion | None = None
         self._reference: Motion | None = None
         self._rows: list[Any] = []
-        self.status = self.gui.add_markdown(READY)
         tabs = self.gui.add_tab_group()
         if generators := dictionary.offering(TEXT_TO_MOTION):
             with tabs.add_tab("Generate"):
@@ -51,8 +47,8 @@ class Panel:
         self.player = Player(client, self._told)
 
     def close(self) -> None:
-        """Ends playback; jobs of this visitor that have not begun are dropped."""
-        self._closed = True
+        """Ends playback and what is being done for this visitor."""
+        self._turns.close()
         self.player.close()
 
     # Controls ----------------------------------------------------------------------------------------------------
@@ -61,16 +57,20 @@ class Panel:
         gui = self.gui
         prompt = gui.add_text("Prompt", "a person waves with the left hand")
         system = gui.add_dropdown("System", generators)
-        count = gui.add_slider("Variants", min=1, max=_MOST_VARIANTS, step=1, initial_value=1)
-        seed = gui.add_number("Seed", 0, min=0, max=2**31 - 1, step=1)
-        seconds = gui.add_slider("Seconds", min=0.0, max=9.8, step=0.2, initial_value=0.0, hint="0: the system decides")
+        count = gui.add_slider("Variants", min=1, max=limits.MOST_VARIANTS, step=1, initial_value=1)
+        seed = gui.add_number("Seed", 0, min=0, max=limits.LARGEST_SEED, step=1)
+        hint = "0: the system decides"
+        seconds = gui.add_slider("Seconds", min=0.0, max=limits.MOST_GENERATED, step=0.2, initial_value=0.0, hint=hint)
         button = gui.add_button("Generate")
 
         def work() -> None:
             """Generates and shows."""
-            text, length = prompt.value, float(seconds.value) or None
-            motions = self.dictionary.generate(text, int(count.value), length, system.value, int(seed.value))
-            words = self.dictionary.read_as(text)
+            text, length = prompt.value, within("seconds", seconds.value, 0, limits.MOST_GENERATED) or None
+            n = int(within("variants", count.value, 1, limits.MOST_VARIANTS))
+            name = among("system", system.value, generators)
+            start = int(within("seed", seed.value, 0, limits.LARGEST_SEED))
+            motions = self._turns.on_models(self.dictionary.generate, text, n, length, name, start)
+            words = self._turns.on_models(self.dictionary.read_as, text)
             titles = [text if len(motions) == 1 else f"{k + 1}. {text}" for k in range(len(motions))]
             self._show(motions, titles, [text] * len(motions), f"Read as: {words}")
 
@@ -84,12 +84,12 @@ class Panel:
 
         def work() -> None:
             """Reads the upload, shows it and lists its captions."""
-            file = upload.value
-            self._loaded = motion = self.workers.in_process(read_upload, file.name, file.content)
+            file = take(upload)
+            self._loaded = motion = self._turns.in_process("read", read_upload, file.name, file.content)
             self._show([motion], [file.name], [""], f"{_plain(file.name)}: {motion.duration:.1f} s")
             said.content = ""
             if captions:
-                found = self.dictionary.caption(motion, n=3)
+                found = self._turns.on_models(self.dictionary.caption, motion, 3)
                 said.content = "**Captions**\n\n" + "\n".join(f"- {_plain(text)}" for text in found)
 
         upload.on_upload(lambda _: self._start("Reading the motion", work))
@@ -101,18 +101,19 @@ class Panel:
         with gui.add_folder("Stylize"):
             style = gui.add_dropdown("Style", (_CHANCE, _REFERENCE))
             reference = gui.add_upload_button("Upload a reference", mime_type=",".join(READABLE))
-            strength = gui.add_slider("Strength", min=0.0, max=1.5, step=0.05, initial_value=1.0)
-            seed = gui.add_number("Style seed", 0, min=0, max=2**31 - 1, step=1)
+            strength = gui.add_slider("Strength", min=0.0, max=limits.MOST_STRENGTH, step=0.05, initial_value=1.0)
+            seed = gui.add_number("Style seed", 0, min=0, max=limits.LARGEST_SEED, step=1)
             button = gui.add_button("Stylize")
 
         def labels() -> None:
             """Offers the known styles, once the models are open."""
-            style.options = (_CHANCE, _REFERENCE, *self.dictionary.styles)
+            styles = self._turns.on_models(lambda: self.dictionary.styles)
+            style.options = (_CHANCE, _REFERENCE, *styles)
 
         def read_reference() -> None:
             """Keeps the uploaded motion as the reference."""
-            file = reference.value
-            self._reference = self.workers.in_process(read_upload, file.name, file.content)
+            file = take(reference)
+            self._reference = self._turns.in_process("read", read_upload, file.name, file.content)
             style.value = _REFERENCE
             self._say(f"Reference: {_plain(file.name)}")
 
@@ -128,26 +129,28 @@ class Panel:
                 chosen["reference"] = self._reference
             elif style.value != _CHANCE:
                 chosen["style"] = style.value
-            options = {"seed": int(seed.value), "strength": float(strength.value)}
-            (result,) = self.dictionary.stylize(content, **chosen, **options)
+            chosen["seed"] = int(within("seed", seed.value, 0, limits.LARGEST_SEED))
+            chosen["strength"] = within("strength", strength.value, 0, limits.MOST_STRENGTH)
+            (result,) = self._turns.on_models(lambda: self.dictionary.stylize(content, **chosen))
             title = f"style {style.value}"
             said = f"Stylized: {style.value}, strength {strength.value:g}, seed {seed.value}"
             self._show([content, result], ["before", title], ["before", title], _plain(said))
 
-        self.workers.submit(lambda: self._guarded(labels))
+        self._submit(lambda: self._turns.guarded(labels))
         reference.on_upload(lambda _: self._start("Reading the reference", read_reference))
         button.on_click(lambda _: self._start("Stylizing", work))
 
     def _search_tab(self) -> None:
         gui = self.gui
         query = gui.add_text("Look for", "a person jumps")
-        count = gui.add_slider("Matches", min=1, max=_MOST_VARIANTS, step=1, initial_value=3)
+        count = gui.add_slider("Matches", min=1, max=limits.MOST_VARIANTS, step=1, initial_value=3)
         button = gui.add_button("Search")
         listed = gui.add_markdown("")
 
         def work() -> None:
             """Searches, shows and lists."""
-            matches = self.dictionary.search(query.value, int(count.value))
+            k = int(within("matches", count.value, 1, limits.MOST_VARIANTS))
+            matches = self._turns.on_models(self.dictionary.search, query.value, k)
             names = [match.captions[0] if match.captions else match.id for match in matches]
             titles = [f"{k + 1}. {name}" for k, name in enumerate(names)]
             self._show([match.motion for match in matches], titles, names, f"{len(matches)} matches")
@@ -163,7 +166,7 @@ class Panel:
         with gui.add_folder("Play"):
             self._clock = gui.add_slider("Time", min=0.0, max=10.0, step=0.01, initial_value=0.0)
             playing = gui.add_checkbox("Playing", True)
-            speed = gui.add_slider("Speed", min=0.1, max=2.0, step=0.1, initial_value=1.0)
+            speed = gui.add_slider("Speed", min=limits.SPEEDS[0], max=limits.SPEEDS[1], step=0.1, initial_value=1.0)
             look = gui.add_dropdown("Look", LOOKS)
             camera = gui.add_button("Reset the camera")
 
@@ -172,59 +175,18 @@ class Panel:
             if event.client is None:
                 return  # moved by the clock
             seconds = float(self._clock.value)
-            if self.player.playing:
-                playing.value = self.player.playing = False
+            ran, self.player.playing = self.player.playing, False
+            self.player.seek(seconds)
+            if ran:
+                playing.value = False
                 # Shown anew: the clock's last report may reach the page after the visitor's own.
                 self._clock.value = abs(seconds - _NUDGE)
-            self.player.seek(seconds)
 
         self._clock.on_update(seek)
         playing.on_update(lambda _: setattr(self.player, "playing", bool(playing.value)))
-        speed.on_update(lambda _: setattr(self.player, "speed", float(speed.value)))
+        speed.on_update(lambda _: self.player.set_speed(float(speed.value)))
         look.on_update(lambda _: self._start("Dressing", lambda: self.player.set_look(look.value)))
         camera.on_click(lambda _: self.player.look_at_all())
-
-    # Work --------------------------------------------------------------------------------------------------------
-
-    def _start(self, sign: str, job: Callable[[], None]) -> None:
-        """Runs a job in the workers unless this visitor has one running; the page answers meanwhile."""
-        if not self._busy.acquire(blocking=False):
-            self._complain("One thing at a time", "What you asked before is still being done.")
-            return
-
-        def run() -> None:
-            """The job, then readiness for the next."""
-            try:
-                self._guarded(job)
-            finally:
-                if self.status.content.startswith("⏳"):
-                    self.status.content = READY
-                self._busy.release()
-
-        self.status.content = f"⏳ {sign} ..."
-        if not self.workers.submit(run):
-            self.status.content = READY
-            self._busy.release()
-            self._complain("Too many visitors", "Please try again in a minute.")
-
-    def _guarded(self, job: Callable[[], None]) -> None:
-        """A visitor's mistake becomes one line on the page; anything else is logged, and told without details."""
-        if self._closed:
-            return
-        try:
-            job()
-        except InputError as error:
-            self._complain("That does not work", str(error))
-        except Exception:
-            if not self._closed:
-                traceback.print_exc()
-                self._complain("Something went wrong", "The server's log says what.")
-
-    def _say(self, text: str) -> None:
-        self.status.content = text
-
-    def _complain(self, title: str, text: str) -> None:
-        self.client.add_notification(title, text[:500], color="red", auto_close_seconds=10.0)
 
     def _told(self, seconds: float) -> None:
         self._clock.value = min(round(seconds, 2), float(self._clock.max))
@@ -242,14 +204,19 @@ class Panel:
         self._say(said)
 
     def _row(self, motion: Motion, title: str, caption: str) -> None:
-        label = self.gui.add_markdown(_plain(title))
+        long = motion.duration > limits.MOST_VIDEO
+        said = f"{motion.duration:.1f} s" + f"; mp4: the first {limits.MOST_VIDEO:.0f} s" * long
+        label = self.gui.add_markdown(f"{_plain(title)} ({said})")
         buttons = self.gui.add_button_group("Download", [name.lstrip(".") for name in WRITABLE])
         self._rows += [label, buttons]
 
         def work() -> None:
             """Writes the file and hands it to the browser."""
-            extension = f".{buttons.value}"
-            content = self.workers.in_process(file_bytes, motion, extension, caption)
+            extension = among("file", f".{buttons.value}", WRITABLE)
+            queue = "video" if extension == ".mp4" else "write"
+            if queue == "video":
+                self._say(f"⏳ Making a video of {min(motion.duration, limits.MOST_VIDEO):.1f} s ...")
+            content = self._turns.in_process(queue, file_bytes, motion, extension, caption)
             self.client.send_file_download(_file_name(title) + extension, content, save_immediately=True)
 
         buttons.on_click(lambda _: self._start("Writing the file", work))

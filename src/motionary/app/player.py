@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from motionary.app.figures import Figure, make_figure
+from motionary.app.limits import SPEEDS
 from motionary.motion import Motion
 
 _TICK = 1 / 30
@@ -29,6 +31,9 @@ class Item:
 class Player:
     """Plays items in a scene. Its clock runs in a thread that ends with :meth:`close`.
 
+    What a visitor does to the clock or the camera returns at once and is shown at the next tick: to build figures of
+    long motions takes seconds, and the threads that bring the visitors' clicks are shared by all.
+
     Attributes:
         items: what is shown.
         seconds, speed, playing: the clock.
@@ -43,8 +48,9 @@ class Player:
         self._figures: list[tuple[Figure, Motion]] = []
         self._labels: list[Any] = []
         self._shown: list[int] = []
-        self._round = 0
+        self._round, self._recentre = 0, False
         self._lock, self._closed = threading.RLock(), threading.Event()
+        self._time = threading.Lock()  # of the clock's values; only ever held for a moment
         threading.Thread(target=self._run, daemon=True, name="player").start()
 
     @property
@@ -55,9 +61,10 @@ class Player:
     def show(self, items: Sequence[Item]) -> None:
         """Replaces what is shown and starts again."""
         with self._lock:
-            self.items, self.seconds = tuple(items), 0.0
+            self.items = tuple(items)
+            self.seek(0.0)
             self._build()
-            self.look_at_all()
+            self._look_at_all()
 
     def set_look(self, look: str) -> None:
         """Shows the same as skeletons or mannequins."""
@@ -66,13 +73,20 @@ class Player:
             self._build()
 
     def seek(self, seconds: float) -> None:
-        """Moves the clock."""
-        with self._lock:
-            self.seconds = seconds
-            self._pose()
+        """Moves the clock; to the beginning or the end where the motions have no such moment."""
+        with self._time:
+            self.seconds = min(max(seconds, 0.0), self.duration) if math.isfinite(seconds) else 0.0
+
+    def set_speed(self, speed: float) -> None:
+        """Seconds of motion per second, within `SPEEDS`."""
+        with self._time:
+            self.speed = min(max(speed, SPEEDS[0]), SPEEDS[1]) if math.isfinite(speed) else 1.0
 
     def look_at_all(self) -> None:
         """Puts the camera where it sees every motion from its beginning."""
+        self._recentre = True
+
+    def _look_at_all(self) -> None:
         with self._lock:
             places = _places([item.motion for item in self.items])
             points = [m.positions[:, 0] + shift for m, shift in zip(self._motions(), places, strict=True)]
@@ -128,13 +142,23 @@ class Player:
         while not self._closed.wait(_TICK):
             now = time.monotonic()
             with self._lock:
-                if self.playing and self._figures and self.duration > 0:
-                    self.seconds = (self.seconds + (now - last) * self.speed) % self.duration
-                    self._pose()
-                    if now - told > _TOLD:
-                        told = now
-                        self._told(self.seconds)
+                if self._recentre:
+                    self._recentre = False
+                    self._look_at_all()
+                moved = self._advance(now - last)
+                self._pose()
+                if moved and now - told > _TOLD:
+                    told = now
+                    self._told(self.seconds)
             last = now
+
+    def _advance(self, seconds: float) -> bool:
+        """Lets the clock run; whether it does."""
+        with self._time:
+            if not (self.playing and self._figures and self.duration > 0):
+                return False
+            self.seconds = (self.seconds + seconds * self.speed) % self.duration
+            return True
 
 
 def _places(motions: Sequence[Motion]) -> list[np.ndarray]:

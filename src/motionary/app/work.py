@@ -1,32 +1,29 @@
-"""Work that visitors ask for: models in threads, files in processes, so that the page stays responsive.
+"""Work that visitors ask for, in queues that do not wait for each other, so that the page stays responsive.
 
-Uploads are parsed in another process with a time limit: a file that hangs or breaks a parser stops nobody else.
+Every file is read or written in a process of its own with limits of time and memory: one that hangs or breaks a
+parser stops nobody else.
 """
 
 from __future__ import annotations
 
 import io
-import multiprocessing
 import tempfile
 import threading
 import zipfile
-from collections.abc import Callable
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures import TimeoutError as TookTooLong
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from motionary.app.apart import apart
+from motionary.app.limits import MOST_BYTES, MOST_PLACES, MOST_SECONDS, MOST_UNPACKED, MOST_VIDEO, among
 from motionary.errors import InputError
 from motionary.motion import Motion
 
-MOST_BYTES = 20 * 2**20  # of an upload
-MOST_UNPACKED = 200 * 2**20  # of an npz
-MOST_SECONDS = 300.0  # of an uploaded motion
 READABLE = (".bvh", ".npz")
 WRITABLE = (".bvh", ".glb", ".mp4")
-_PATIENCE = 120.0  # seconds that one file may take
-_MOST_WAITING = 32
+_MOST_WAITING = 64  # jobs of all visitors
 
 
 def read_upload(name: str, content: bytes) -> Motion:
@@ -54,6 +51,9 @@ def read_upload(name: str, content: bytes) -> Motion:
             raise InputError(str(error.what).replace(str(path), name), error.value, error.rule) from None
     if motion.duration > MOST_SECONDS:
         raise InputError(name, f"{motion.duration:.0f} s", f"at most {MOST_SECONDS:.0f} s can be shown here")
+    if (places := motion.frames * len(motion.skeleton.joints)) > MOST_PLACES:
+        rule = f"at most {MOST_PLACES:,} joints times frames can be shown here"
+        raise InputError(name, f"{places:,}", rule)
     return motion
 
 
@@ -66,27 +66,59 @@ def _unpacked(content: bytes) -> int:
 
 
 def file_bytes(motion: Motion, extension: str, caption: str) -> bytes:
-    """A motion as the contents of a file; `caption` is shown in videos."""
+    """A motion as the contents of a file; a video shows its first minute, and `caption`.
+
+    Raises:
+        InputError: an extension that is not in `WRITABLE`.
+    """
     from motionary.formats import write_motion
 
+    among("file", extension, WRITABLE)
+    if extension == ".mp4":
+        motion = motion.crop(0, min(motion.frames, round(MOST_VIDEO * motion.fps)))
     with tempfile.TemporaryDirectory() as folder:
         titled: dict[str, Any] = {"captions": caption} if extension == ".mp4" and caption else {}
         return write_motion(motion, Path(folder) / f"motion{extension}", **titled).read_bytes()
 
 
-class Workers:
-    """Threads for what models do (they share the dictionary) and processes for files."""
+@dataclass(frozen=True)
+class Queue:
+    """How many jobs of a kind run at a time, each in a process, and what one may take.
 
-    def __init__(self, threads: int = 4, processes: int = 2):
-        self._threads = ThreadPoolExecutor(threads, "work")
-        self._count = processes
-        self._processes: Executor = self._start()
-        self._lock, self._waiting = threading.Lock(), 0
+    Attributes:
+        places: at a time.
+        patience: seconds from a job's own beginning; what it waits for its turn is not counted.
+        nice: how far it steps back where the machine is busy.
+    """
+
+    places: int
+    patience: float
+    nice: int = 0
+
+
+QUEUES = {"read": Queue(2, 30.0), "write": Queue(2, 60.0), "video": Queue(1, 180.0, nice=10)}
+
+
+class Workers:
+    """A queue each for reading, writing and videos, in processes, and one for models, in one thread.
+
+    Whoever comes first is served first, and a visitor has one job at a time: nobody waits for more than one job of
+    each other visitor, and for jobs of the same kind only. Models have one thread since they take turns anyway (they
+    share the dictionary's lock), and a lock does not keep the order. Videos take a thousand times what other files
+    take, so they do not stand in their way.
+    """
+
+    def __init__(self, queues: Mapping[str, Queue] = QUEUES):
+        self.queues = queues
+        self._jobs = ThreadPoolExecutor(_MOST_WAITING, "job")
+        self._turns = {name: ThreadPoolExecutor(queue.places, name) for name, queue in queues.items()}
+        self._models = ThreadPoolExecutor(1, "models")
+        self._lock, self._waiting, self._closed = threading.Lock(), 0, False
 
     def submit(self, job: Callable[[], None]) -> bool:
-        """Runs a job soon in a thread; False where too many wait already."""
+        """Runs at once what a visitor has asked for, which waits in the queues; False where too many wait already."""
         with self._lock:
-            if self._waiting >= _MOST_WAITING:
+            if self._closed or self._waiting >= _MOST_WAITING:
                 return False
             self._waiting += 1
 
@@ -98,40 +130,47 @@ class Workers:
                 with self._lock:
                     self._waiting -= 1
 
-        self._threads.submit(run)
+        self._jobs.submit(run)
         return True
 
-    def in_process(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """The function's result, from a process of its own; waits for it.
+    def on_models(self, wanted: Callable[[], bool], function: Callable[..., Any], *arguments: Any) -> Any:
+        """The function's result, in the models' thread; waits for its turn and for it.
 
         Raises:
-            InputError: the function's own, or where it takes too long or its process dies (memory, for example).
+            CancelledError: not `wanted` when its turn came.
         """
-        try:
-            return self._processes.submit(function, *arguments).result(_PATIENCE)
-        except TookTooLong:
-            self._replace()
-            raise InputError("file", "given up", f"took longer than {_PATIENCE:.0f} s") from None
-        except BrokenProcessPool:
-            self._replace()
-            raise InputError("file", "given up", "it could not be handled; is it damaged or too large?") from None
+
+        def turn() -> Any:
+            """The function, unless it came too late."""
+            if not wanted():
+                raise CancelledError
+            return function(*arguments)
+
+        return self._models.submit(turn).result()
+
+    def in_process(self, queue: str, wanted: Callable[[], bool], function: Callable[..., Any], *arguments: Any) -> Any:
+        """The function's result, from a process of its own; waits for its turn in a queue and for it.
+
+        Raises:
+            InputError: see :func:`apart`.
+            CancelledError: no longer `wanted`; it is ended if it runs.
+        """
+        kind = self.queues[queue]
+
+        def turn() -> Any:
+            """The function, unless it came too late."""
+            if not still():
+                raise CancelledError
+            return apart(function, arguments, kind.patience, still, kind.nice)
+
+        def still() -> bool:
+            """Whether anybody waits for it."""
+            return not self._closed and wanted()
+
+        return self._turns[queue].submit(turn).result()
 
     def close(self) -> None:
-        """Stops without waiting for what runs."""
-        self._threads.shutdown(wait=False, cancel_futures=True)
-        _stop(self._processes)
-
-    def _start(self) -> ProcessPoolExecutor:
-        # Fresh processes: forking one that runs threads and torch can hang.
-        return ProcessPoolExecutor(self._count, multiprocessing.get_context("spawn"))
-
-    def _replace(self) -> None:
-        with self._lock:
-            _stop(self._processes)
-            self._processes = self._start()
-
-
-def _stop(pool: Executor) -> None:
-    for process in list((getattr(pool, "_processes", None) or {}).values()):
-        process.terminate()
-    pool.shutdown(wait=False, cancel_futures=True)
+        """Ends the processes and drops what waits; does not wait for models."""
+        self._closed = True
+        for pool in (self._jobs, self._models, *self._turns.values()):
+            pool.shutdown(wait=False, cancel_futures=True)
