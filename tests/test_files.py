@@ -29,12 +29,9 @@ os.replace = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)
 FULL = """
 import resource
 from pathlib import Path
-import torch
 from motionary.errors import InputError
 from motionary.files import atomic_file, atomic_folder
-from motionary.training.checkpoint import save_checkpoint
-model = torch.nn.Linear(100, 100)
-optimizer = torch.optim.SGD(model.parameters())
+{before}
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 try:
 {block}
@@ -126,17 +123,25 @@ def test_permissions_are_those_of_a_plain_open(kept, mask):
     assert (kept.parent / "new").stat().st_mode & 0o777 == 0o777 & ~mask
 
 
+MODEL = """
+import torch
+from motionary.training.checkpoint import save_checkpoint
+model = torch.nn.Linear(100, 100)
+optimizer = torch.optim.SGD(model.parameters())
+"""
+
+
 @pytest.mark.parametrize(
-    ("block", "named"),
+    ("before", "block", "named"),
     [
-        ('with atomic_file("kept/a.txt") as file: file.write_bytes(bytes(5000))', "kept/a.txt"),
-        ('with atomic_folder("kept") as folder: (folder / "a.txt").write_bytes(bytes(5000))', "kept"),
-        ('save_checkpoint(Path("kept/a.txt"), model, optimizer, {}, {})', "kept/a.txt"),
+        ("", 'with atomic_file("kept/a.txt") as file: file.write_bytes(bytes(5000))', "kept/a.txt"),
+        ("", 'with atomic_folder("kept") as folder: (folder / "a.txt").write_bytes(bytes(5000))', "kept"),
+        (MODEL, 'save_checkpoint(Path("kept/a.txt"), model, optimizer, {}, {})', "kept/a.txt"),
     ],
 )
-def test_a_full_disk_is_one_line_that_names_the_file(kept, block, named):
+def test_a_full_disk_is_one_line_that_names_the_file(kept, before, block, named):
     """The kernel's limit on a file's size stands for a full disk: the write fails in the same place."""
-    result = script(FULL.format(block=f"    {block}"), kept.parent)
+    result = script(FULL.format(before=before, block=f"    {block}"), kept.parent)
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith(f"{named}: ")
     assert "File too large" in result.stdout

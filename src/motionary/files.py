@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import glob
 import os
 import re
 import secrets
@@ -13,7 +14,7 @@ from pathlib import Path
 
 from motionary.errors import InputError
 
-UNFINISHED = ".unfinished-"  # how names begin that only a killed process leaves: `find . -name ".unfinished-*"`
+UNFINISHED = ".unfinished-"  # how the names begin of what is being written; only a killed process leaves it
 _REFUSALS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
 
 
@@ -122,8 +123,18 @@ def write_bytes(path: str | os.PathLike, data: bytes | str, force: bool = True) 
     return Path(path)
 
 
+def leftovers(path: str | os.PathLike) -> list[Path]:
+    """What killed writers of `path`, a file or a folder, left beside it, and what running ones are writing."""
+    path = Path(path)
+    return sorted(path.parent.glob(f"{UNFINISHED}{'?' * 8}-{glob.escape(_short(path))}"))
+
+
 def _beside(path: Path) -> Path:
-    return path.with_name(f"{UNFINISHED}{secrets.token_hex(4)}-{path.stem[:40]}{path.suffix}")
+    return path.with_name(f"{UNFINISHED}{secrets.token_hex(4)}-{_short(path)}")
+
+
+def _short(path: Path) -> str:
+    return f"{path.stem[:40]}{path.suffix}"
 
 
 def _swap(new: Path, path: Path, old: Path) -> None:

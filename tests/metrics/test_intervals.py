@@ -1,5 +1,8 @@
 """Intervals over repetitions, seeds and items."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,20 @@ def test_interval_of_known_values():
     assert (result.mean, result.half) == pytest.approx((2, 1.96 / np.sqrt(20)))
     assert result.low == pytest.approx(2 - result.half)
     assert str(interval([1.0])) == "1.000 ± 0.000"
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 11, 12, 40, 1000])
+def test_paired_interval_is_that_of_scipy(n):
+    stats = pytest.importorskip("scipy.stats")
+    a, b = np.random.default_rng(n).normal(size=(2, n))
+    found = paired_interval(a, b)
+    expected = stats.ttest_rel(a, b).confidence_interval(0.95)
+    assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-9)
+
+
+def test_metrics_load_scipy_only_where_an_interval_needs_it():
+    code = "import sys, motionary, motionary.metrics; sys.exit('scipy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_paired_interval_of_three_seeds_uses_students_t():

@@ -14,14 +14,14 @@ from motionary.pipeline.leftovers import Alone, remove_unfinished, remove_unfini
 
 WRITER = """
 import pathlib, sys
-from motionary.files import atomic
+from motionary.files import atomic_file
 from motionary.pipeline.workspace import Workspace
 
 root = pathlib.Path.cwd()
-with Workspace(root, root, root).publish("models/coder") as folder, atomic(root / "reports" / "coder.json") as report:
+with Workspace(root, root, root).publish("models/coder") as folder, atomic_file(root / "reports/coder.json") as report:
     (folder / "half").write_text("h")
     report.write_text("h")
-    with atomic(root / ".cache" / "coder" / "0" / "coder.safetensors") as checkpoint:
+    with atomic_file(root / ".cache" / "coder" / "0" / "coder.safetensors") as checkpoint:
         checkpoint.write_text("h")
         print("writing", flush=True)
         sys.stdin.read()
@@ -33,6 +33,7 @@ alone = Alone(pathlib.Path.cwd(), "coder")
 print("running", flush=True)
 sys.stdin.read()
 """
+HALF = ".unfinished-0123abcd-"
 STAGES = {
     "coder": {"cmd": "x", "outs": ["models/coder"], "metrics": [{"reports/coder.json": {"cache": False}}]},
     "coder2": {"cmd": "x", "outs": ["models/coder2"]},
@@ -70,7 +71,7 @@ def test_the_next_run_removes_what_a_killed_one_left_and_nothing_else(tmp_path, 
     writer.wait()
     left = files(tmp_path)
     assert len(left) == 4  # dvc.yaml and three halves
-    kept = ["models/.gitignore", "models/.coder2.17", "models/coder/model", "reports/scores/.coder.json.5"]
+    kept = ["models/.gitignore", f"models/{HALF}coder2", "models/coder/model", f"reports/scores/{HALF}coder.json"]
     for name in kept:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("k")
@@ -78,16 +79,16 @@ def test_the_next_run_removes_what_a_killed_one_left_and_nothing_else(tmp_path, 
     remove_unfinished_checkpoints(tmp_path / ".cache" / "coder" / "0")
     assert files(tmp_path) == sorted(["dvc.yaml", *kept])
     remove_unfinished(tmp_path, "scores@coder")
-    assert "reports/scores/.coder.json.5" not in files(tmp_path)
+    assert f"reports/scores/{HALF}coder.json" not in files(tmp_path)
 
 
 def test_another_runs_checkpoint_that_is_being_written_stays(tmp_path):
-    for name in ("0/coder.1.tmp", "1/coder.2.tmp", "2/.coder.x"):
+    for name in (f"{run}/{HALF}coder.safetensors" for run in range(3)):
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_text("h")
-    os.utime(tmp_path / "2/.coder.x", (time.time() - 9000, time.time() - 9000))
+    os.utime(tmp_path / f"2/{HALF}coder.safetensors", (time.time() - 9000, time.time() - 9000))
     remove_unfinished_checkpoints(tmp_path / "0")
-    assert files(tmp_path) == ["1/coder.2.tmp"]
+    assert files(tmp_path) == [f"1/{HALF}coder.safetensors"]
 
 
 def test_a_stage_waits_for_itself_unless_that_was_killed(tmp_path, started, capfd):
@@ -113,8 +114,17 @@ def test_a_stage_waits_for_itself_unless_that_was_killed(tmp_path, started, capf
 
 def test_make_clean_leaves_the_tracking_database_and_no_half(tmp_path, repository):
     shutil.copy(repository / "Makefile", tmp_path)
-    halves = ["models/.coder.1/half", "reports/.coder.json.1", "data/.corpus-x/half", ".cache/coder/0/coder.1.tmp"]
-    halves += ["data/sources/root_a/.inventory.json.1", ".cache/running/coder.lock"]
+    halves = [
+        f"models/{HALF}coder/half",
+        f"reports/{HALF}coder.json",
+        f"data/{HALF}corpus/half",
+        f".cache/0/{HALF}coder",
+    ]
+    halves += [
+        f"data/sources/root_a/{HALF}inventory.json",
+        f"data/sources/{HALF}root_a/half",
+        ".cache/running/coder.lock",
+    ]
     kept = ["mlflow.db", "data/sources/.gitignore"]
     for name in (*halves, *kept):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

@@ -30,6 +30,20 @@ def shipped(repository, tmp_path_factory):
     return read_study(repository, repository / "conf/study.yaml", [str(root) for root in roots])
 
 
+def test_every_line_of_prose_reaches_its_entry_whole(repository, shipped):
+    """YAML ends a text at " #" and takes the lines behind a list for its items, without a word."""
+    text = (repository / "conf/study.yaml").read_text()
+    written = [line.split("why:", 1)[1].strip() for line in text.splitlines() if line.lstrip().startswith("why:")]
+    values = yaml.safe_load(text)
+    assert set(values) == {"base", "roots", "experiments", "compare"}
+    assert [entry.get("why") for entry in values["experiments"].values()] == written
+    assert all(set(entry) <= {"why", "set", "vary", "times", "systems"} for entry in values["experiments"].values())
+    assert all(len(why.split()) > 3 for why in written)
+    assert all(len(side) == 2 for pair in values["compare"] for side in pair)
+    assert all(len(pair) == 2 for pair in values["compare"])
+    assert text.count("  - [[") == len(values["compare"]) == len(shipped.compare)
+
+
 def of_entry(study, entry):
     return [e for e in study.experiments if e.entry == entry]
 
@@ -137,6 +151,9 @@ def test_dry_prints_commands_that_a_shell_reads_back(repository, tmp_path, monke
         ({"experiments": {"a": {"systems": ["text2token"], "sets": []}}}, "sets"),
         ({"experiments": {"a": {"systems": ["text2token"], "times": {"seeds": 2}}}}, "times"),
         ({"compare": [[["a", "text2token"], ["b", "text2token"]]]}, "compare"),
+        ({"compare": [[["a", "text2token"]]]}, "compare"),
+        ({"compare": ["and so on"]}, "compare"),
+        ({"experiments": {"a": {"systems": ["text2token"], "why": {"Table 4.4": "no tags"}}}}, "a.why"),
         ({"roots": ["not/here"]}, "roots"),
         ({"base": None}, "study.yaml"),
     ],

@@ -1,4 +1,4 @@
-"""A small regression problem for tests of the loop: also run by ``torchrun``, see test_distributed.py."""
+"""A small regression problem for tests of the loop; as a script, a training that several processes can share."""
 
 from __future__ import annotations
 

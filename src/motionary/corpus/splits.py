@@ -20,12 +20,19 @@ def split_clips(clips: Sequence[Clip], kind: str, ratios: Sequence[float], seed:
     (equal `origin`) stay together.
 
     Args:
-        kind: "clip" (stratified by root, caption sources, style and action), "subject" (all clips of a subject
-            together; clips without one each for themselves), "combination" (whole style-action cells are tested,
-            whose style and action both remain in training; clips without both labels go by clip), or "given" (the
-            source's own; clips without go by clip).
+        kind: what is never shared between splits.
+            "clip": single clips. Each split gets its share of every root, caption source, style and action.
+            "subject": people. All clips of a subject are in one split; a clip without a subject stands for itself.
+            "combination": pairs of a style and an action. Validation and test get whole pairs that training never
+            sees, while the style and the action each stay in training with other partners. Clips that lack either
+            label are split as by "clip".
+            "given": the split that the source itself names; clips without one are split as by "clip".
         ratios: shares of train, val and test.
         seed: another seed draws another split.
+
+    Raises:
+        InputError: "combination" without clips that have both labels, "given" without any given split, or a kind that
+            leaves nothing to test.
     """
     chosen = {"clip": _by_clip, "subject": _by_subject, "combination": _by_combination, "given": _given}[kind]
     origins: dict[str, list[Clip]] = defaultdict(list)
@@ -42,10 +49,10 @@ def split_clips(clips: Sequence[Clip], kind: str, ratios: Sequence[float], seed:
 
 
 def _by_clip(clips: Sequence[Clip], ratios: Sequence[float], seed: int) -> dict[str, str]:
-    """Systematic sampling along the strata: each stratum gets its share, rounded across its neighbours."""
+    """Deals the sorted clips out one by one, each to the split that lacks most of its share so far."""
 
     def stratum(clip: Clip) -> tuple:
-        """What clips are sorted by before every so-manieth is taken."""
+        """Sorts clips of one kind next to each other, so that splits dealt out along the row share every kind."""
         sources = sorted({caption.source for caption in clip.captions})
         return clip.group, sources, _hash(seed, f"{clip.style}/{clip.action}"), _hash(seed, clip.origin)
 

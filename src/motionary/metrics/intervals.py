@@ -10,9 +10,6 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.metrics.inputs import matrix, same_shape
 
-# Two-sided 95% quantiles of Student's t by degrees of freedom (scipy is no dependency); beyond, a series in 1/df.
-_T95 = (12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060, 2.2622, 2.2281)
-
 
 @dataclass(frozen=True)
 class Interval:
@@ -56,13 +53,15 @@ def paired_interval(a: Any, b: Any) -> Interval:
         a: (n,) one value per seed.
         b: (n,) values of the other system with the same seeds.
     """
+    from scipy.special import stdtrit  # late: with scipy, `import motionary` would take longer; the quantile of t
+
     a, b = matrix("a", a, 1), matrix("b", b, 1)
     same_shape("a, b", a, b)
     difference = a.astype(np.float64) - b
     n = len(difference)
     if n < 2:
         return Interval(float(difference.mean()), float("nan"))
-    return Interval(float(difference.mean()), float(_t95(n - 1) * difference.std(ddof=1) / np.sqrt(n)))
+    return Interval(float(difference.mean()), float(stdtrit(n - 1, 0.975) * difference.std(ddof=1) / np.sqrt(n)))
 
 
 def paired_bootstrap(
@@ -93,11 +92,3 @@ def paired_bootstrap(
     ]
     low, high = np.percentile(np.concatenate(means), (2.5, 97.5))
     return float(difference.mean()), float(low), float(high)
-
-
-def _t95(freedom: int) -> float:
-    """97.5% quantile of Student's t; beyond the table the Cornish-Fisher series (error below 1e-4)."""
-    if freedom <= len(_T95):
-        return _T95[freedom - 1]
-    z = 1.959964
-    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)

@@ -173,7 +173,9 @@ def unitvectors_to_rotmat(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     # Rodrigues' formula, R = 1 + [axis] + [axis]^2 / (1 + cosine), fails near opposite directions: there the turn is
     # a half turn about an axis across start.
     opposite = cosine < -1 + 1e-9
-    result = np.eye(3) + skew + skew @ skew / np.where(opposite, 1.0, 1 + cosine)[..., None, None]
+    # Near there 1 + cosine loses its digits; of vectors of length 1 it is |start + end|^2 / 2.
+    share = np.where(cosine < -1 + 1e-6, np.square(start + end).sum(-1) / 2, 1 + cosine)
+    result = np.eye(3) + skew + skew @ skew / np.where(opposite, 1.0, share)[..., None, None]
     if opposite.any():
         side = orthogonal(start[opposite])
         result[opposite] = 2 * side[..., :, None] * side[..., None, :] - np.eye(3)

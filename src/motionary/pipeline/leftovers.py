@@ -14,6 +14,8 @@ import psutil
 import yaml
 from filelock import FileLock, Timeout
 
+from motionary.files import UNFINISHED, leftovers
+
 _OLD = 3600.0  # seconds after which nobody is still writing a checkpoint
 
 
@@ -30,16 +32,15 @@ def outputs(root: Path, stage: str) -> Iterator[Path]:
 
 
 def remove_unfinished(root: Path, stage: str) -> None:
-    """Removes what killed runs of a stage left beside its outputs: ``.name.*`` and ``.name-*``, as writers call it."""
+    """Removes what killed runs of a stage left beside its outputs."""
     for path in outputs(root, stage):
-        for name in {path.name, path.stem[:40]}:
-            for left in (*path.parent.glob(f".{name}.*"), *path.parent.glob(f".{name}-*")):
-                _remove(left)
+        for left in leftovers(path):
+            _remove(left)
 
 
 def remove_unfinished_checkpoints(cache: Path) -> None:
     """The same for checkpoints: those of the run in `cache`, and those of the stage's other runs that are old."""
-    for left in (*cache.parent.glob("*/*.tmp"), *cache.parent.glob("*/.*")):
+    for left in cache.parent.glob(f"*/{UNFINISHED}*"):
         if left.parent == cache or time.time() - left.stat().st_mtime > _OLD:
             _remove(left)
 

@@ -95,8 +95,12 @@ def read_study(root: Path, path: Path, roots: Sequence[str] | None = None) -> St
             raise InputError(f"{path}: {name}.systems", entry.get("systems"), "must name the systems to evaluate")
         if len(entry.get("vary", {})) > 1:
             raise InputError(f"{path}: {name}.vary", entry["vary"], "must vary one key")
-    compare = tuple((tuple(a), tuple(b)) for a, b in values.get("compare", []))
-    for entry, system in (side for pair in compare for side in pair):
+        if not isinstance(entry.get("why", ""), str):
+            raise InputError(
+                f"{path}: {name}.why", entry["why"], "must be a line of text; quote one that holds a colon"
+            )
+    compare = tuple(tuple(tuple(side) for side in pair) for pair in values.get("compare", []))
+    for entry, system in (_side(path, pair, side) for pair in compare for side in pair):
         if entry not in entries or system not in entries[entry]["systems"]:
             raise InputError(f"{path}: compare", [entry, system], "must be an experiment above and one of its systems")
     pipeline = read_pipeline(root)
@@ -108,6 +112,12 @@ def read_study(root: Path, path: Path, roots: Sequence[str] | None = None) -> St
         if number < len(_variants(entry))
     ]
     return Study(tuple(chosen), compare)  # type: ignore[arg-type]
+
+
+def _side(path: Path, pair: Sequence[Any], side: Sequence[str]) -> tuple[str, str]:
+    if len(pair) != 2 or len(side) != 2:
+        raise InputError(f"{path}: compare", pair, "must be a pair of [experiment, system]")
+    return side[0], side[1]
 
 
 def compose(root: Path, overrides: Sequence[str]) -> dict[str, Any]:

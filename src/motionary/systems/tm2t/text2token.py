@@ -194,7 +194,7 @@ def blank(words: Tensor, tags: Tensor | None, count: Tensor, rows: Tensor) -> tu
     """Replace the sentences of `rows` (B,) bool by the empty one: start and end only."""
 
     def shorten(values: Tensor) -> Tensor:
-        """Without the steps that no motion of the chunk reaches."""
+        """The first value of each row and its last, which become those of the empty sentence; zeros behind."""
         empty = torch.zeros_like(values)
         empty[:, :1], empty[:, 1:2] = values[:, :1], values.gather(1, count[:, None] - 1)
         return torch.where(rows[:, None], empty, values)

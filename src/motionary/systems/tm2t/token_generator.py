@@ -24,25 +24,32 @@ OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")
 
 
 class Guided:
-    """A decoder that moves the logits away from those without text: none + scale (text - none)."""
+    """A decoder that moves log-probabilities away from those without text: none + scale (text - none), not normalized.
+
+    Its state is the pair of the decoder's states with and without text.
+    """
 
     def __init__(self, decoder: Decoder, scale: float):
         self.decoder, self.scale = decoder, scale
 
     def step(self, state: tuple[Any, Any], tokens: Tensor) -> tuple[Tensor, tuple[Any, Any]]:
-        """Both states advance by the same token."""
+        """The guided logits after `tokens` (R,), by which both states advance."""
         with_text, first = self.decoder.step(state[0], tokens)
         without, second = self.decoder.step(state[1], tokens)
         with_text, without = with_text.log_softmax(-1), without.log_softmax(-1)
         return without + self.scale * (with_text - without), (first, second)
 
     def reorder(self, state: tuple[Any, Any], index: Tensor) -> tuple[Any, Any]:
-        """Both states alike."""
+        """Both states with the rows of `index`."""
         return self.decoder.reorder(state[0], index), self.decoder.reorder(state[1], index)
 
 
 class TokenGenerator:
-    """Generates motions with a trained :class:`Text2Token`. Results never depend on the other texts of the call."""
+    """Generates motions with a trained :class:`Text2Token`, `chunk` texts at once.
+
+    Each motion is drawn by its own seed, whatever other texts the call has. (Matrix products round differently with
+    the number of rows, so that a draw on the very edge between two tokens may still fall to the other side.)
+    """
 
     takes_lengths = True
 
@@ -63,7 +70,8 @@ class TokenGenerator:
         Args:
             sentences: normalized texts.
             seeds: one per sentence; equal sentence, seed and options give equal motion.
-            frames: lengths to hold, from one unit to the longest window; otherwise the end token decides.
+            frames: lengths to hold, from one unit to the longest window; otherwise the end token decides, at most
+                after `most_tokens`.
             options: temperature, top_k, top_p, guidance, greedy.
 
         Returns:
@@ -91,7 +99,13 @@ class TokenGenerator:
         guidance: float | None = None,
         greedy: bool = False,
     ) -> tuple[Tensor, Tensor]:
-        """Motion tokens (B, S), padded with 0, and counts (B,); `lengths` (in tokens) forces the counts."""
+        """Motion tokens (B, S), padded with 0, and counts (B,), at least 1; options as in `generate`.
+
+        All sentences are drawn at once. `lengths` (in tokens) forces the counts.
+
+        Raises:
+            InputError: an option out of range, or guidance of a model that never trained without text.
+        """
         model, config = self.model, self.model.config
         device = next(model.parameters()).device
         check_seeds(sentences, seeds)
