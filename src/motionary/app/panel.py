@@ -14,7 +14,7 @@ from motionary.app.work import READABLE, WRITABLE, Workers, file_bytes, read_upl
 from motionary.dictionary.dictionary import Dictionary
 from motionary.errors import InputError
 from motionary.motion import Motion
-from motionary.systems.registry import MOTION_TO_TEXT, SEARCH, STYLIZE, TEXT_TO_MOTION
+from motionary.systems.registry import MOTION_TO_TEXT, SEARCH, STYLIZE
 
 _MOST_VARIANTS = 6
 _CHANCE, _REFERENCE = "by chance", "of the reference"
@@ -29,7 +29,7 @@ class Panel:
     Jobs run one at a time for each visitor, in the shared workers; a sign says what is being done.
     """
 
-    def __init__(self, client: Any, dictionary: Dictionary, workers: Workers):
+    def __init__(self, client: Any, dictionary: Dictionary, workers: Workers, generators: Sequence[str]):
         self.client, self.dictionary, self.workers = client, dictionary, workers
         self.gui = client.gui
         self._busy, self._closed = threading.Lock(), False
@@ -38,7 +38,7 @@ class Panel:
         self._rows: list[Any] = []
         self.status = self.gui.add_markdown(READY)
         tabs = self.gui.add_tab_group()
-        if generators := dictionary.offering(TEXT_TO_MOTION):
+        if generators:
             with tabs.add_tab("Generate"):
                 self._generate_tab(generators)
         with tabs.add_tab("Read"):
@@ -57,10 +57,10 @@ class Panel:
 
     # Controls ----------------------------------------------------------------------------------------------------
 
-    def _generate_tab(self, generators: tuple[str, ...]) -> None:
+    def _generate_tab(self, generators: Sequence[str]) -> None:
         gui = self.gui
         prompt = gui.add_text("Prompt", "a person waves with the left hand")
-        system = gui.add_dropdown("System", generators)
+        system = gui.add_dropdown("System", tuple(generators))
         count = gui.add_slider("Variants", min=1, max=_MOST_VARIANTS, step=1, initial_value=1)
         seed = gui.add_number("Seed", 0, min=0, max=2**31 - 1, step=1)
         seconds = gui.add_slider("Seconds", min=0.0, max=9.8, step=0.2, initial_value=0.0, hint="0: the system decides")
