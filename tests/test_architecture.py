@@ -6,7 +6,7 @@ import ast
 from collections import defaultdict
 
 import pytest
-from source_tree import SRC, circle, constants, folder_of, imports, modules, reached, tree
+from source_tree import SRC, circle, constants, folder_of, imported, imports, modules, reached, tree
 
 from motionary.systems.registry import SYSTEMS
 
@@ -18,7 +18,7 @@ STANDS_ON = {
     "features": ("motion",),
     "metrics": ("motion",),
     "corpus": ("motion", "formats", "features", "language"),
-    "nn": ("language",),  # how many word classes and words there are
+    "nn": ("language", "features"),  # how many word classes there are, which columns are of one kind
     "systems": ("corpus", "features", "nn"),
     "training": ("systems",),
     "pipeline": ("training",),
@@ -49,6 +49,13 @@ def test_no_folder_reaches_itself():
     for name, targets in imports().items():
         folders[folder_of(name)] |= {folder_of(target) for target in targets} - {folder_of(name)}
     assert not circle(folders), " -> ".join(circle(folders))
+
+
+def test_imports_of_functions_and_of_types_count(tmp_path):
+    file = tmp_path / "a.py"
+    types = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from c import d\n"
+    file.write_text(f"import a.b\n{types}def f():\n    from e import g as h\n")
+    assert imported(file) == {"a.b", "typing.TYPE_CHECKING", "c.d", "e.g"}
 
 
 def test_a_circle_is_found_wherever_it_starts():

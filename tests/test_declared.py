@@ -18,7 +18,7 @@ from motionary.systems.registry import SYSTEMS
 
 ROOT = SRC.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-OWN = {"motionary", "hydra_plugins", "_project"}  # and whatever lies beside a test
+OWN = {"motionary", "hydra_plugins", "_project"} | {file.stem for file in (ROOT / "tests").rglob("*.py")}
 UNIMPORTED = {  # declared, and used without an import
     "hydra-joblib-launcher": "hydra/launcher=joblib",
     "hydra-submitit-launcher": "hydra/launcher=submitit_slurm, on a cluster",
@@ -59,12 +59,9 @@ def used(files: Iterable[Path], among: set[str]) -> dict[str, Path]:
     known = {package: names for package, names in distributions().items() if names & among}
     found: dict[str, Path] = {}
     for file in files:
-        beside = {path.stem for path in file.parent.glob("*.py")} | {
-            path.stem for path in (ROOT / "tests").glob("*.py")
-        }
         tops = {name.split(".")[0] for name in imported(file)} - set(sys.stdlib_module_names) - OWN
         tops |= constants(file) & {package for package in known if "_" in package}
-        for top in tops - (beside if "tests" in file.parts else set()):
+        for top in tops:
             names = distributions().get(top, {plain(top)})
             found |= dict.fromkeys(names & among or names, file)
     return found
