@@ -9,7 +9,7 @@ from motionary.corpus.store import Corpus
 from motionary.evaluation.confirmation import confirmed
 from motionary.evaluation.generation import score_generator
 from motionary.evaluation.items import Items, sentence_of
-from motionary.evaluation.reconstruction import score_reconstructor
+from motionary.evaluation.round_trip import score_reconstructor
 from motionary.evaluation.scores import Protocol
 
 PROTOCOL = Protocol(

@@ -16,7 +16,7 @@ from motionary.app.work import READABLE, WRITABLE, Workers, file_bytes, read_upl
 from motionary.dictionary.dictionary import Dictionary
 from motionary.errors import InputError
 from motionary.motion import Motion
-from motionary.systems.registry import MOTION_TO_TEXT, SEARCH, STYLIZE, TEXT_TO_MOTION
+from motionary.systems.registry import MOTION_TO_TEXT, SEARCH, STYLIZE
 
 _CHANCE, _REFERENCE = "by chance", "of the reference"
 _TITLE = 40  # letters above a figure
@@ -26,7 +26,7 @@ _NUDGE = 1e-4  # seconds, fewer than the scrubber shows: viser sends no value th
 class Panel:
     """The controls of one visitor. What they ask for runs one at a time; see :class:`Turns`."""
 
-    def __init__(self, client: Any, dictionary: Dictionary, workers: Workers):
+    def __init__(self, client: Any, dictionary: Dictionary, workers: Workers, generators: Sequence[str]):
         self.client, self.dictionary, self.gui = client, dictionary, client.gui
         self._turns = Turns(client, workers)
         self._submit, self._start, self._say = workers.submit, self._turns.start, self._turns.say
@@ -34,7 +34,7 @@ class Panel:
         self._reference: Motion | None = None
         self._rows: list[Any] = []
         tabs = self.gui.add_tab_group()
-        if generators := dictionary.offering(TEXT_TO_MOTION):
+        if generators:
             with tabs.add_tab("Generate"):
                 self._generate_tab(generators)
         with tabs.add_tab("Read"):
@@ -53,10 +53,10 @@ class Panel:
 
     # Controls ----------------------------------------------------------------------------------------------------
 
-    def _generate_tab(self, generators: tuple[str, ...]) -> None:
+    def _generate_tab(self, generators: Sequence[str]) -> None:
         gui = self.gui
         prompt = gui.add_text("Prompt", "a person waves with the left hand")
-        system = gui.add_dropdown("System", generators)
+        system = gui.add_dropdown("System", tuple(generators))
         count = gui.add_slider("Variants", min=1, max=limits.MOST_VARIANTS, step=1, initial_value=1)
         seed = gui.add_number("Seed", 0, min=0, max=limits.LARGEST_SEED, step=1)
         hint = "0: the system decides"

@@ -61,6 +61,7 @@ class App:
         self.server.scene.add_grid("/floor", width=30, height=30, plane="xz", cell_size=0.5, section_size=2.0)
         # The page draws labels only if it has one when it opens: this one, of a space, under the floor.
         self.server.scene.add_label("/floor/label", " ", position=(0.0, -1.0, 0.0))
+        self.generators = self.dictionary.offering(TEXT_TO_MOTION)
         self.server.on_client_connect(self._welcome)
         self.server.on_client_disconnect(self._leave)
         threading.Thread(target=self._warm, daemon=True, name="warm").start()
@@ -74,7 +75,8 @@ class App:
 
     def _welcome(self, client: viser.ClientHandle) -> None:
         limit_uploads(client)
-        self._panels[client.client_id] = Panel(client, self.dictionary, self.workers)
+        panel = Panel(client, self.dictionary, self.workers, self.generators)
+        self._panels[client.client_id] = panel
         # Who leaves at once may be gone before the panel is there, and then nothing else closes it.
         if client.client_id not in self.server.get_clients():
             self._leave(client)
@@ -86,8 +88,8 @@ class App:
     def _warm(self) -> None:
         """Opens behind the page what the first visitor will ask for, so that it answers at once."""
         try:
-            if self.dictionary.offering(TEXT_TO_MOTION):
-                self.dictionary.generate("a person walks", seconds=1)
+            for system in self.generators[:1]:
+                self.dictionary.generate("a person walks", system=system, seconds=1)
         except Exception as error:  # it is said again, to whoever asks
             print(f"warning: {error}", file=sys.stderr)
 

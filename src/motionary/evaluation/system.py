@@ -10,7 +10,7 @@ from motionary.errors import InputError
 from motionary.evaluation.captioning import score_captioner
 from motionary.evaluation.generation import score_generator
 from motionary.evaluation.items import Items
-from motionary.evaluation.reconstruction import score_reconstructor
+from motionary.evaluation.round_trip import score_reconstructor
 from motionary.evaluation.scores import Protocol
 from motionary.systems.codec import BatchedCodec
 from motionary.systems.io import choose_device, open_system

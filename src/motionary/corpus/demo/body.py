@@ -22,7 +22,7 @@ REACH = 0.9985  # a leg is never stretched beyond this share of its length
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class DemoRig:
     """Joint indices and lengths of a skeleton, as the solver needs them (sides: left, right)."""
 
     skeleton: Skeleton
@@ -37,7 +37,7 @@ class Rig:
 
 
 @lru_cache(maxsize=4)
-def rig_of(skeleton: Skeleton) -> Rig:
+def rig_of(skeleton: Skeleton) -> DemoRig:
     """The rig of a skeleton whose joints carry the SMPL roles."""
     offsets = skeleton.offsets.astype(np.float64)
     roles = skeleton.roles
@@ -46,7 +46,7 @@ def rig_of(skeleton: Skeleton) -> Rig:
     thigh = np.array([lengths[roles[f"{s}_knee"]] for s in sides])
     shin = np.array([lengths[roles[f"{s}_ankle"]] for s in sides])
     drop = np.array([-offsets[roles[f"{s}_hip"]][1] - offsets[roles[f"{s}_foot"]][1] for s in sides])
-    return Rig(skeleton, offsets, thigh, shin, float((thigh + shin + drop).min()))
+    return DemoRig(skeleton, offsets, thigh, shin, float((thigh + shin + drop).min()))
 
 
 def _pelvis(plan: Plan) -> np.ndarray:
@@ -54,7 +54,7 @@ def _pelvis(plan: Plan) -> np.ndarray:
     return rotate_y(plan.yaw + twist) @ rotate_x(pitch) @ rotate_z(-lean)
 
 
-def _root(rig: Rig, plan: Plan) -> np.ndarray:
+def _root(rig: DemoRig, plan: Plan) -> np.ndarray:
     """(N, 3) pelvis positions."""
     sine, cosine = np.sin(plan.yaw), np.cos(plan.yaw)
     left, forward = plan.sway[:, 0], plan.sway[:, 1]
@@ -63,12 +63,12 @@ def _root(rig: Rig, plan: Plan) -> np.ndarray:
     return np.stack([x, rig.standing + plan.height, z], axis=-1)
 
 
-def _planted_ankle(rig: Rig, plan: Plan, side: int) -> np.ndarray:
+def _planted_ankle(rig: DemoRig, plan: Plan, side: int) -> np.ndarray:
     foot = rotate_y(plan.foot_yaw[:, side]) @ rotate_x(plan.foot_pitch[:, side])
     return plan.ball[:, side] - foot @ rig.offsets[rig.joint(side, "foot")]
 
 
-def _free_leg(rig: Rig, plan: Plan, side: int) -> np.ndarray:
+def _free_leg(rig: DemoRig, plan: Plan, side: int) -> np.ndarray:
     """(N, 3) hip to ankle of a leg whose joints are given by angles."""
     _, flexion, abduction, knee = np.moveaxis(plan.legs[:, side], -1, 0)
     thigh = rotate_y(plan.yaw) @ rotate_z(SIGNS[side] * abduction) @ rotate_x(-flexion)
@@ -76,7 +76,7 @@ def _free_leg(rig: Rig, plan: Plan, side: int) -> np.ndarray:
     return rig.thigh[side] * (thigh @ DOWN) + rig.shin[side] * (shin @ DOWN)
 
 
-def within_reach(rig: Rig, plan: Plan) -> Plan:
+def within_reach(rig: DemoRig, plan: Plan) -> Plan:
     """The plan with the pelvis lowered, smoothly and in good time, wherever a planted leg would be too short."""
     root, pelvis = _root(rig, plan), _pelvis(plan)
     deficit = np.zeros(plan.frames)
@@ -92,7 +92,7 @@ def within_reach(rig: Rig, plan: Plan) -> Plan:
     return replace(plan, height=plan.height - smooth(dilate(deficit, 0.2), 0.1))
 
 
-def _leg(rig: Rig, plan: Plan, side: int, hip: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _leg(rig: DemoRig, plan: Plan, side: int, hip: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """World rotations (N, 3, 3) of hip, knee and ankle joints."""
     weight, flexion, abduction, knee = np.moveaxis(plan.legs[:, side], -1, 0)
     w = weight[:, None]
@@ -130,7 +130,7 @@ def _arm(plan: Plan, side: int, chest: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return collar, shoulder, shoulder @ rotate_x(-elbow)
 
 
-def _world_rotations(rig: Rig, plan: Plan, root: np.ndarray) -> np.ndarray:
+def _world_rotations(rig: DemoRig, plan: Plan, root: np.ndarray) -> np.ndarray:
     """(N, J, 3, 3) world rotation of every joint."""
     roles, offsets = rig.skeleton.roles, rig.offsets
     world = np.empty((plan.frames, len(rig.skeleton), 3, 3))
@@ -165,7 +165,7 @@ def _calibration(offset: np.ndarray) -> np.ndarray:
     return unitvectors_to_rotmat(offset / np.linalg.norm(offset), DOWN)
 
 
-def solve(rig: Rig, plan: Plan, fps: float) -> Motion:
+def solve(rig: DemoRig, plan: Plan, fps: float) -> Motion:
     """Place every joint.
 
     Args:

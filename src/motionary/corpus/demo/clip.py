@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from motionary.corpus.demo.body import Rig, rig_of, solve
+from motionary.corpus.demo.body import DemoRig, rig_of, solve
 from motionary.corpus.demo.curves import RATE
 from motionary.corpus.demo.grammar import LONGEST, Spec, compose, draw
 from motionary.corpus.demo.plan import Plan, sample
@@ -15,7 +15,7 @@ from motionary.errors import InputError
 from motionary.motion import Motion, Skeleton
 
 
-def planned(index: int, seed: int) -> tuple[Spec, Plan, Rig, np.random.Generator]:
+def planned(index: int, seed: int) -> tuple[Spec, Plan, DemoRig, np.random.Generator]:
     """Spec and plan of a clip, and the generator that goes on to its captions."""
     rng = np.random.default_rng([seed, index])
     rig = rig_of(Skeleton.named("smpl22"))
@@ -26,7 +26,7 @@ def planned(index: int, seed: int) -> tuple[Spec, Plan, Rig, np.random.Generator
             return spec, plan, rig, rng
 
 
-def motion_of(plan: Plan, rig: Rig, fps: float) -> Motion:
+def motion_of(plan: Plan, rig: DemoRig, fps: float) -> Motion:
     """The joints of a plan, the root above the origin at the first frame."""
     motion = solve(rig, sample(plan, fps), fps)
     start = motion.positions[0, 0] * np.array([1, 0, 1], dtype=np.float32)

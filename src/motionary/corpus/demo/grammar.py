@@ -9,7 +9,7 @@ import numpy as np
 
 from motionary.corpus.demo import gestures, jumps, locomotion, whole_body
 from motionary.corpus.demo.acts import Act
-from motionary.corpus.demo.body import Rig, within_reach
+from motionary.corpus.demo.body import DemoRig, within_reach
 from motionary.corpus.demo.curves import RATE, ease, wander
 from motionary.corpus.demo.plan import Plan, follow, overlay, standing
 from motionary.corpus.demo.styles import STYLES, Mood, mood
@@ -131,7 +131,7 @@ def _build(act: Act, how: Mood, rng: np.random.Generator, **options) -> Plan:
     return ACTIONS[act.action].build(act, how, rng, **options)
 
 
-def compose(spec: Spec, rng: np.random.Generator, rig: Rig) -> Plan:
+def compose(spec: Spec, rng: np.random.Generator, rig: DemoRig) -> Plan:
     """The plan of a clip: a moment of standing, the acts, a moment of standing; never longer than LONGEST."""
     how = mood(spec.style, spec.acts[0].speed, rng)
     if spec.together:
