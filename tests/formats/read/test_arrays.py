@@ -62,10 +62,13 @@ def test_npy_of_known_layouts(tmp_path, kind, joints, name):
 
 @pytest.mark.real
 def test_released_sample(shared_data):
+    """The features are those of the joints: the same poses, from the origin on and one frame shorter."""
     folder = shared_data / "humanml3d_sample"
-    assert read_motion(folder / "new_joints" / "012314.npy").skeleton.name == "smpl22"
-    with pytest.raises(InputError, match="feature vectors"):
-        read_motion(folder / "new_joint_vecs" / "012314.npy")
+    joints = read_motion(folder / "new_joints" / "012314.npy")
+    decoded = read_motion(folder / "new_joint_vecs" / "012314.npy")
+    assert joints.skeleton.name == decoded.skeleton.name == "smpl22"
+    frames = min(joints.frames, decoded.frames)
+    np.testing.assert_allclose(decoded.positions[:frames], joints.positions[:frames], atol=5e-3)
 
 
 def test_another_skeleton_must_be_given(tmp_path):
@@ -105,6 +108,8 @@ def broken(tmp_path, kind):
         "npy nan": np.full((5, 22, 3), np.nan),
         "npy inf": np.full((5, 22, 3), np.inf),
         "npy empty": np.zeros((0, 22, 3)),
+        "npy normalised": np.random.default_rng(0).normal(size=(9, 263)) - 1,
+        "npy batch": np.zeros((3, 5, 22, 3)),
         "npy wide": np.zeros((5, 22, 4)),
         "npy flat": np.zeros(66),
         "npy words": np.full((5, 22, 3), "x"),
@@ -137,7 +142,18 @@ def broken(tmp_path, kind):
     return path
 
 
-KINDS = ["npy nan", "npy inf", "npy empty", "npy wide", "npy flat", "npy words", "npy truncated", "npy text"]
+KINDS = [
+    "npy normalised",
+    "npy batch",
+    "npy nan",
+    "npy inf",
+    "npy empty",
+    "npy wide",
+    "npy flat",
+    "npy words",
+    "npy truncated",
+    "npy text",
+]
 KINDS += ["npy nothing", "npz other keys", "npz fps word", "npz fps zero", "npz skeleton text", "npz skeleton list"]
 KINDS += ["npz rotations", "npz truncated", "npz damaged", "npz text"]
 
