@@ -51,7 +51,7 @@ def read_text(path: str | os.PathLike) -> str:
 
 
 def _japanese(data: bytes) -> str | None:
-    """The text in Shift-JIS, None where it is not: an accented letter of Latin-1 may pass for one character, no word."""
+    """The text in Shift-JIS, None where it is not: an accented letter of Latin-1 may pass for a character, no word."""
     try:
         text = data.decode("cp932")
     except UnicodeDecodeError:

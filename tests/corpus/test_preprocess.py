@@ -40,7 +40,9 @@ def test_windows_of_one_clip_share_a_split_and_only_training_is_mirrored(corpus)
 
 
 def test_mapping_json_names_the_joints_of_a_folder_whose_rig_is_not_known(tmp_path, motion_of):
-    rig = Skeleton.from_rig("numbered", [f"bone{i}" for i in range(22)], SMPL.parents, SMPL.offsets)
+    uneven = SMPL.offsets.copy()  # legs that are no twins: the tree does not tell either
+    uneven[SMPL.joints.index("left_knee")] *= 2
+    rig = Skeleton.from_rig("numbered", [f"bone{i}" for i in range(22)], SMPL.parents, uneven)
     for folder, skeleton in (("known/rig", SMPL), ("unknown/rig", rig)):
         (tmp_path / folder).mkdir(parents=True)
         for i in range(4):

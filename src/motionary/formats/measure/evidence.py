@@ -27,5 +27,5 @@ class Choice:
 def choose(names: Sequence[str], scores: np.ndarray) -> Choice:
     """The candidate of the highest log-odds score; probabilities are the scores' softmax."""
     weights = np.exp(scores - np.max(scores))
-    order = np.argsort(-weights, kind="stable")
-    return Choice(names[order[0]], float(weights[order[0]] / weights.sum()), names[order[1]])
+    best, other = (int(i) for i in np.argsort(-weights, kind="stable")[:2])
+    return Choice(names[best], float(weights[best] / weights.sum()), names[other])

@@ -143,7 +143,8 @@ def _odd_size(body: Body, scale: float, options: ReadingOptions) -> list[str]:
 
 def _otherwise(names: list[str]) -> str:
     """How to say it: in a shell and in Python."""
-    return f"(say otherwise with {', '.join('--' + name for name in names)}; in Python {', '.join(n + '=' for n in names)})"
+    flags, arguments = ", ".join(f"--{name}" for name in names), ", ".join(f"{name}=" for name in names)
+    return f"(say otherwise with {flags}; in Python {arguments})"
 
 
 def with_roles(settled: Settled, source: str, notes: list[str]) -> Settled:
