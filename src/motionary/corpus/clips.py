@@ -191,7 +191,7 @@ def rate(values: dict[str, Any], relative: PurePosixPath, where: str) -> float |
 def captions(
     values: dict[str, Any], where: str, problems: list[InputError], seen: set[str] | None = None
 ) -> tuple[Caption, ...]:
-    """The usable captions of a line; each bad one becomes a problem and is left out, so does each key not yet `seen`."""
+    """The usable captions of a line; a bad one becomes a problem and is left out, and so does a key not yet `seen`."""
     listed = values.get("captions") or []
     if not isinstance(listed, list):
         raise InputError(f"{where}: captions", listed, "must be a list of {text, start, end, source}")
