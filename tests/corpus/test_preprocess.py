@@ -255,8 +255,17 @@ def t_pose() -> np.ndarray:
     return rest - [0, rest[:, 1].min(), 0]
 
 
+def hanging(positions: np.ndarray) -> np.ndarray:
+    """The same motion with its arms down."""
+    positions = positions.copy()
+    for shoulder, elbow, wrist in ((16, 18, 20), (17, 19, 21)):
+        positions[:, elbow] = positions[:, shoulder] + [0, -0.26, 0]
+        positions[:, wrist] = positions[:, shoulder] + [0, -0.5, 0.1]
+    return positions
+
+
 def test_a_leading_bind_pose_is_replaced(motion_of):
-    positions = motion_of(120)
+    positions = hanging(motion_of(120))
     shown = positions.copy()
     shown[0] = t_pose()
     fixed = without_bind_pose(Motion(shown, 20.0, SMPL)).positions
@@ -268,12 +277,11 @@ def test_a_leading_bind_pose_is_replaced(motion_of):
 
 def test_a_quick_start_is_no_bind_pose(motion_of):
     """Neither hands that fly up in the first step, nor a T-pose out of which the motion goes on quickly."""
-    quick = motion_of(120)
+    quick = hanging(motion_of(120))
     quick[0, 16:22] += 0.5
     swing = np.repeat(t_pose()[None], 30, axis=0)
     for t in range(30):
-        swing[t, [18, 20]] += [-0.08 * min(t, 8), 0.12 * min(t, 8), 0.0]
-        swing[t, [19, 21]] += [0.08 * min(t, 8), 0.12 * min(t, 8), 0.0]
+        swing[t, 16:22, 1] += 0.2 * min(t, 5)
     for positions in (quick, swing):
         motion = Motion(positions, 20.0, SMPL)
         assert without_bind_pose(motion) is motion

@@ -9,8 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from motionary.errors import InputWarning
 from motionary.formats.dispatch import function_of, given
-from motionary.formats.read.options import Reading, ReadingOptions, ReadingWarning
+from motionary.formats.read.options import Reading, ReadingOptions
 from motionary.motion import Motion
 
 READERS = {
@@ -21,7 +22,7 @@ READERS = {
 }
 _FORMAT_OPTIONS = ("fps", "skeleton", "asf")
 
-__all__ = ["READERS", "Reading", "ReadingOptions", "ReadingWarning", "read_motion", "read_motion_with"]
+__all__ = ["READERS", "Reading", "ReadingOptions", "read_motion", "read_motion_warning", "read_motion_with"]
 
 
 def read_motion(
@@ -30,7 +31,7 @@ def read_motion(
     """Read a motion file by its extension: .bvh, .amc (with its .asf), .npy, .npz.
 
     Which axis points up, how long a unit is and whether left and right are swapped is measured on the whole file. Where
-    the evidence is thin or contradicts itself, one `ReadingWarning` says what was taken and how to say otherwise.
+    the evidence is thin or contradicts itself, one `InputWarning` says what was taken and how to say otherwise.
 
     Args:
         path: the file.
@@ -45,10 +46,17 @@ def read_motion(
     Raises:
         InputError: unknown extension, or a file that breaks a rule: file, value and rule in one line.
     """
+    return read_motion_warning(path, mapping, **options)[0]
+
+
+def read_motion_warning(
+    path: str | os.PathLike, mapping: Path | str | Mapping[str, Any] | None = None, **options: Any
+) -> tuple[Motion, Reading]:
+    """`read_motion`, and how the file was read."""
     motion, reading = read_motion_with(path, mapping, **options)
     if reading.notes:
-        warnings.warn(ReadingWarning(f"{path}: {'; '.join(reading.notes)}"), stacklevel=2)
-    return motion
+        warnings.warn(InputWarning(f"{path}: {'; '.join(reading.notes)}"), stacklevel=3)
+    return motion, reading
 
 
 def read_motion_with(

@@ -17,10 +17,6 @@ from motionary.motion.roles import READING_KEYS, checked_mapping, load_mapping
 _SWITCHES = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
 
-class ReadingWarning(UserWarning):
-    """A file was read on thin or contradicting evidence; the message says what was taken and how to say otherwise."""
-
-
 @dataclass(frozen=True)
 class ReadingOptions:
     """What the user says about a file; None is measured.
