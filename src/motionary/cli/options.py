@@ -99,7 +99,7 @@ def add_reading(add: argparse.ArgumentParser) -> None:
     """What the user knows of the files, where they are not to be measured, for :func:`reading`."""
     told = "JSON with the joint's name by role, for a rig that is not known, and these options"
     add.add_argument("--mapping", metavar="FILE", help=told)
-    add.add_argument("--up", metavar="AXIS", help="the files' axis that points up: y, z, x, or with a minus as in --up=-y (measured)")
+    add.add_argument("--up", metavar="AXIS", help="what points up: y, z, x, or as --up=-y with a minus (measured)")
     add.add_argument("--unit", help="m, cm, mm, dm, in, ft, cmu or metres per unit (measured)")
     yes_no = argparse.BooleanOptionalAction
     add.add_argument("--mirror", action=yes_no, help="swap left and right, as left-handed files need (measured)")

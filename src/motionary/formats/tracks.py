@@ -103,12 +103,11 @@ def _cast(
         if renamed := roles_by_tree(track.joints, track.parents, rest, positions[some]):
             source = "tree"
             notes.append("left and right were told by the motion, not by names: joints are called by their roles")
+    joints = track.joints
     if renamed:
         track = replace(track, joints=tuple(names_by_role(track.joints, roles, renamed)))
         roles = {role: joint for role, joint in roles.items() if joint not in renamed.values()} | renamed
-    notes += [
-        f"{line}: does the mapping fit? (--mapping)" for line in contradictions(roles, track.joints, track.parents)
-    ]
+    notes += [f"{line}: does the mapping fit? (--mapping)" for line in contradictions(roles, joints, track.parents)]
     return track, roles, source, notes
 
 

@@ -17,16 +17,16 @@ _DIRECTIONS = np.array(list(AXES.values()), np.float64)
 _WEIGHTS = {
     "head over feet": 2.3,
     "shins upright": 1.6,
-    "arms hang": 8.5,
-    "ground at zero": 2.5,  # the lowest point of the clip lies at the origin's height
-    "below the ground": -2.1,  # part of the time far below the origin's height
+    "arms hang": 6.0,
+    "ground at zero": 4.0,  # the lowest point of the clip lies at the origin's height
+    "below the ground": -3.5,  # part of the time far below the origin's height
     "ground moves": -0.7,  # the height of the lowest joint changes over the clip
     "lowest joint moves": -2.0,  # what stands on the ground stays where it is
     "still joint is high": -0.7,  # what stays where it is, stands on the ground
     "travels along it": -0.9,
     "side leans into it": -2.7,  # the line through hips and shoulders is level
     "pelvis above zero": 1.5,  # the origin is on the ground, and nobody's pelvis is below it
-    "pelvis at zero": -2.0,  # on the ground all the time, as on an axis that merely starts at the origin
+    "starts at zero": -2.0,  # many clips begin over the origin, none with a pelvis in the ground
     "rest pose stands along it": 2.0,
 }
 # What programs write, before anything is seen.
@@ -68,7 +68,7 @@ def _evidence(body: Body) -> dict[str, np.ndarray]:
         "head over feet": unit(head - body.middle("ankle")).mean(0) @ up,
         "shins upright": shins.mean(0) @ up,
         "arms hang": -arms.mean(0) @ up,
-        "ground at zero": np.exp(-np.abs(ground) / 0.06),
+        "ground at zero": np.exp(-np.abs(ground) / 0.1),
         "below the ground": (lowest < -0.15).mean(1),
         "ground moves": np.minimum(np.ptp(np.percentile(lowest, (10, 90), axis=1), axis=0), 2),
         "lowest joint moves": np.minimum(slip, 2).mean(1),
@@ -76,7 +76,7 @@ def _evidence(body: Body) -> dict[str, np.ndarray]:
         "travels along it": way @ np.abs(up) / way.max(),
         "side leans into it": np.sqrt(((body.across @ up) ** 2).mean(0)),
         "pelvis above zero": np.clip(np.median(hips, axis=0) @ up / 0.08, -1, 1),
-        "pelvis at zero": np.exp(-np.abs(np.median(hips, axis=0) @ up) / 0.03),
+        "starts at zero": np.exp(-np.abs(body["pelvis"][0] @ up) / 0.02),
         "rest pose stands along it": _standing(body.at_rest),
     }
 
