@@ -9,7 +9,7 @@ import numpy as np
 
 from motionary.motion.rigs import REQUIRED
 
-_INSTANTS = 200  # enough to judge by; long takes cost no more than short ones
+_INSTANTS = 100  # enough to judge by; long takes cost no more than short ones
 _STEP = 0.1  # s over which speeds are taken
 _MOST_WOBBLE = 0.25  # real bones keep their length; points whose bones vary more than this are no body
 
@@ -77,13 +77,13 @@ def body_of(positions: np.ndarray, roles: Mapping[str, int], fps: float, rest: n
     now = positions[at[:, None], joints].astype(np.float64)
     lengths = _bones(now, index)
     legs, trunk = lengths[:, :4], lengths[:, 4]
-    size = float(np.median(legs, axis=0).sum() / 2 + np.percentile(trunk, 80))
-    if not (np.isfinite(size) and size > 0 and np.median(legs, axis=0).min() > 1e-3 * size):
+    low, usual, high = (rank(legs, share) for share in (0.1, 0.5, 0.9))
+    size = float(usual.sum() / 2 + rank(trunk, 0.8))
+    if not (np.isfinite(size) and size > 0 and usual.min() > 1e-3 * size):
         return None
     now /= size
     later = positions[(at + step)[:, None], joints] / size
     velocity = (later - now) * (fps / max(step, 1))
-    wobble = np.ptp(np.percentile(legs, (10, 90), axis=0), axis=0) / np.median(legs, axis=0)
     return Body(
         size,
         now,
@@ -91,13 +91,18 @@ def body_of(positions: np.ndarray, roles: Mapping[str, int], fps: float, rest: n
         velocity[:, index["pelvis"]],
         index,
         None if rest is None else rest[joints] / size,
-        bool(wobble.max() < _MOST_WOBBLE),
+        bool(((high - low) / usual).max() < _MOST_WOBBLE),
     )
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) of length 1; those without length stay 0."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
+    return vectors / np.maximum(np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None], 1e-9)
+
+
+def rank(values: np.ndarray, share: float) -> np.ndarray:
+    """The value (n,) below which a share of the rows (T, n) lies: by rank, since percentiles take ten times as long."""
+    return np.sort(values, axis=0)[round(share * (len(values) - 1))]
 
 
 def _bones(places: np.ndarray, roles: Mapping[str, int]) -> np.ndarray:

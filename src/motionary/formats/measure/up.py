@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motionary.formats.measure.body import Body, unit
+from motionary.formats.measure.body import Body, rank, unit
 from motionary.formats.measure.evidence import Choice, choose
 
 AXES = {"y": (0, 1, 0), "z": (0, 0, 1), "-y": (0, -1, 0), "-z": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0)}
@@ -53,12 +53,13 @@ def _evidence(body: Body) -> dict[str, np.ndarray]:
     height = np.moveaxis(body.places @ up, -1, 0)  # (6, T, R)
     lowest = height.min(-1)
     above = height - lowest[..., None]
-    ground = np.percentile(lowest, 5, axis=1)
+    ordered = np.sort(lowest, axis=1)
+    ground, low, high = (ordered[:, round(share * (lowest.shape[1] - 1))] for share in (0.05, 0.1, 0.9))
     bearing = np.exp(-above / 0.05)
     slip = (bearing * np.minimum(body.speeds, 3)).sum(-1) / bearing.sum(-1)
     still = np.exp(-body.speeds / 0.15) + 1e-12
     still /= still.sum(-1, keepdims=True)
-    moving = np.clip(np.median(body.speeds, axis=1) / 0.15, 0.02, 1)
+    moving = np.clip(rank(body.speeds.T, 0.5) / 0.15, 0.02, 1)
     hips = body.middle("hip")
     head = body["head"] if "head" in body.roles else body.middle("shoulder")
     arms = body.middle("wrist") - body.middle("shoulder")
@@ -70,12 +71,12 @@ def _evidence(body: Body) -> dict[str, np.ndarray]:
         "arms hang": -arms.mean(0) @ up,
         "ground at zero": np.exp(-np.abs(ground) / 0.1),
         "below the ground": (lowest < -0.15).mean(1),
-        "ground moves": np.minimum(np.ptp(np.percentile(lowest, (10, 90), axis=1), axis=0), 2),
+        "ground moves": np.minimum(high - low, 2),
         "lowest joint moves": np.minimum(slip, 2).mean(1),
         "still joint is high": (above * still).sum(-1) @ moving / moving.sum(),
         "travels along it": way @ np.abs(up) / way.max(),
         "side leans into it": np.sqrt(((body.across @ up) ** 2).mean(0)),
-        "pelvis above zero": np.clip(np.median(hips, axis=0) @ up / 0.08, -1, 1),
+        "pelvis above zero": np.clip(rank(hips, 0.5) @ up / 0.08, -1, 1),
         "starts at zero": np.exp(-np.abs(body["pelvis"][0] @ up) / 0.02),
         "rest pose stands along it": _standing(body.at_rest),
     }

@@ -69,7 +69,8 @@ def read_motion_with(
     reader = function_of(path, READERS, "read")
     said = {key: value for key, value in options.items() if key not in _FORMAT_OPTIONS and value is not None}
     known = ReadingOptions.__dataclass_fields__
-    given(reader, path, {key: value for key, value in said.items() if key not in known})  # refuses the unknown
+    if unknown := {key: value for key, value in said.items() if key not in known}:
+        given(reader, path, unknown)  # which refuses them
     how = ReadingOptions(**said)
     if mapping is not None:
         how = how.over(mapping if isinstance(mapping, ReadingOptions) else ReadingOptions.from_mapping(mapping))
