@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -44,7 +45,11 @@ class Body:
         """(T, 3) between the left and the right joint of a kind."""
         return (self[f"left_{part}"] + self[f"right_{part}"]) / 2
 
-    @property
+    def both(self, part: str) -> np.ndarray:
+        """(T, 2, 3) the left and the right joint of a kind."""
+        return self.places[:, [self.roles[f"left_{part}"], self.roles[f"right_{part}"]]]
+
+    @cached_property
     def across(self) -> np.ndarray:
         """(T, 3) unit vectors from the right side to the left one."""
         return unit(self["left_hip"] - self["right_hip"] + self["left_shoulder"] - self["right_shoulder"])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 SURE = 0.95  # a choice less probable than this is said to be thin
 
@@ -24,8 +23,7 @@ class Choice:
         return self.probability >= SURE
 
 
-def choose(names: Sequence[str], scores: np.ndarray) -> Choice:
+def choose(names: Sequence[str], scores: Sequence[float]) -> Choice:
     """The candidate of the highest log-odds score; probabilities are the scores' softmax."""
-    weights = np.exp(scores - np.max(scores))
-    best, other = (int(i) for i in np.argsort(-weights, kind="stable")[:2])
-    return Choice(names[best], float(weights[best] / weights.sum()), names[other])
+    best, other = sorted(range(len(names)), key=lambda i: -scores[i])[:2]
+    return Choice(names[best], 1 / sum(math.exp(score - scores[best]) for score in scores), names[other])

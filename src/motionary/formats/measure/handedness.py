@@ -1,6 +1,6 @@
 """Whether a file's world is mirrored: its names say left where the body's right side is.
 
-In the body's own frame, forward is left-to-right across times up. Knees, toes and faces point forward, elbows back, and
+In the body's own frame, forward is the direction from right to left, times up. Knees, toes and faces point forward, elbows back, and
 people mostly walk that way; in a left-handed world all of it is the other way round.
 """
 
@@ -24,42 +24,28 @@ def measure_mirror(body: Body, up: np.ndarray) -> Choice:
     if (rest := body.at_rest) is not None and _stands(rest):
         shape = _evidence(rest, up)
         score += sum(weight * shape[what] for what, weight in _AT_REST.items())
-    return choose(("no", "yes"), np.array([score, 0.0]))
+    return choose(("no", "yes"), (score, 0.0))
 
 
 def _evidence(body: Body, up: np.ndarray) -> dict[str, float]:
     """Each from -1 to 1: how far it points where the names of left and right put forward."""
     across = body.across
     ahead = unit(np.cross(across, unit(body.middle("shoulder") - body.middle("hip"))))
-    sides = ("left", "right")
 
     def mean(vectors: np.ndarray, full: float) -> float:
-        return float(np.clip((vectors * ahead).sum(-1) / full, -1, 1).mean())
+        """Of (T, n, 3), how far they point ahead, in parts of `full` sizes."""
+        return float((np.einsum("tni,ti->tn", vectors, ahead) / full).clip(-1, 1).mean())
 
-    def bend(upper: str, joint: str, lower: str) -> float:
-        return (
-            sum(
-                mean(
-                    _off(body[f"{s}_{joint}"] - body[f"{s}_{upper}"], body[f"{s}_{lower}"] - body[f"{s}_{upper}"]), 0.1
-                )
-                for s in sides
-            )
-            / 2
-        )
-
-    def toe(side: str) -> float:
-        foot, ankle, knee = (body[f"{side}_{part}"] for part in ("foot", "ankle", "knee"))
-        return mean(_off(foot - ankle, ankle - knee), 0.05)
-
-    toes = all(f"{side}_foot" in body.roles for side in sides)
-    face = mean(body["head"] - body.middle("shoulder"), 0.05) if "head" in body.roles else 0.0
-    walk = (body.velocity * unit(np.cross(across, up))).sum(-1)
+    legs = [body.both(part) for part in ("hip", "knee", "ankle")]
+    arms = [body.both(part) for part in ("shoulder", "elbow", "wrist")]
+    toes = all(f"{side}_foot" in body.roles for side in ("left", "right"))
+    walk = np.einsum("ti,ti->t", body.velocity, unit(np.cross(across, up)))
     return {
-        "knees": bend("hip", "knee", "ankle"),
-        "elbows": bend("shoulder", "elbow", "wrist"),
-        "toes": sum(toe(side) for side in sides) / 2 if toes else 0.0,
-        "head": face,
-        "walk": float(np.clip(walk / 0.5, -1, 1).mean()),
+        "knees": mean(_off(legs[1] - legs[0], legs[2] - legs[0]), 0.1),
+        "elbows": mean(_off(arms[1] - arms[0], arms[2] - arms[0]), 0.1),
+        "toes": mean(_off(body.both("foot") - legs[2], legs[2] - legs[1]), 0.05) if toes else 0.0,
+        "head": mean((body["head"] - body.middle("shoulder"))[:, None], 0.05) if "head" in body.roles else 0.0,
+        "walk": float((walk / 0.5).clip(-1, 1).mean()),
     }
 
 
@@ -70,6 +56,6 @@ def _stands(rest: Body) -> bool:
 
 
 def _off(vectors: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """What of vectors (T, 3) stands off lines (T, 3)."""
+    """What of vectors (T, n, 3) stands off lines (T, n, 3)."""
     line = unit(line)
-    return vectors - (vectors * line).sum(-1, keepdims=True) * line
+    return vectors - np.einsum("tni,tni->tn", vectors, line)[..., None] * line

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from motionary.formats.measure.evidence import Choice, choose
 
@@ -23,18 +23,18 @@ def measure_unit(size: float, usual: dict[str, float] | None = None) -> Choice:
     """The unit (a key of `UNITS`) of a body's leg and trunk; log-odds `usual` in favour of what such files hold."""
     favour = _USUAL if usual is None else usual
     scores = [plausible(size * scale) + favour.get(name, 0.0) for name, scale in UNITS.items()]
-    return choose(list(UNITS), np.array(scores))
+    return choose(list(UNITS), scores)
 
 
 def plausible(size: float) -> float:
     """Log-density of people's leg and trunk in metres: adults about 1.30, some children, nobody above 2.3 m tall."""
-    log = np.log(max(size, 1e-9))
+    log = math.log(max(size, 1e-9))
     density = (1 - _CHILD_SHARE) * _bell(log, _ADULT, _SPREAD) + _CHILD_SHARE * _bell(log, _CHILD, _CHILD_SPREAD)
     # Beyond all people the distance still orders the candidates, and costs more above than below.
-    far = -60 * max(0.0, log - np.log(_TALLEST)) - 10 * max(0.0, np.log(_CHILD / 2) - log)
-    return float(np.log(density + 1e-9) + far)
+    far = -60 * max(0.0, log - math.log(_TALLEST)) - 10 * max(0.0, math.log(_CHILD / 2) - log)
+    return math.log(density + 1e-9) + far
 
 
 def _bell(log: float, middle: float, spread: float) -> float:
     """Normal density of the logarithm of a size."""
-    return float(np.exp(-0.5 * ((log - np.log(middle)) / spread) ** 2) / (spread * np.sqrt(2 * np.pi)))
+    return math.exp(-0.5 * ((log - math.log(middle)) / spread) ** 2) / (spread * math.sqrt(2 * math.pi))

@@ -42,9 +42,9 @@ def measure_up(body: Body, usual: dict[str, float] | None = None) -> Choice:
         usual: log-odds by axis in favour of what such files hold; None: y, then z.
     """
     evidence = _evidence(body)
-    scores = sum(weight * evidence[what] for what, weight in _WEIGHTS.items())
+    scores = np.array(list(_WEIGHTS.values())) @ np.stack([evidence[what] for what in _WEIGHTS])
     favour = _USUAL if usual is None else usual
-    return choose(list(AXES), scores + np.array([favour.get(name, 0.0) for name in AXES]))
+    return choose(list(AXES), [float(s) + favour.get(name, 0.0) for name, s in zip(AXES, scores, strict=True)])
 
 
 def _evidence(body: Body) -> dict[str, np.ndarray]:
