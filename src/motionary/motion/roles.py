@@ -130,9 +130,15 @@ def load_mapping(given: Path | str | Mapping[str, Any]) -> Mapping[str, Any]:
     return mapping
 
 
+class FileMapping(dict[str, str]):
+    """Joint name by role, read from a file, which complaints name."""
+
+    where = "mapping"
+
+
 def _called(given: Path | str | Mapping[str, str]) -> str:
     """How complaints name a mapping."""
-    return "mapping" if isinstance(given, Mapping) else str(given)
+    return getattr(given, "where", "mapping") if isinstance(given, Mapping) else str(given)
 
 
 def chains_of(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:

@@ -1,7 +1,7 @@
 """Whether a file's world is mirrored: its names say left where the body's right side is.
 
-In the body's own frame, forward is the direction from right to left, times up. Knees, toes and faces point forward, elbows back, and
-people mostly walk that way; in a left-handed world all of it is the other way round.
+In the body's own frame, forward is the direction from right to left, times up. Knees, toes and faces point forward,
+elbows back, and people mostly walk that way; in a left-handed world all of it is the other way round.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.formats.measure import AXES, UNITS
-from motionary.motion.roles import READING_KEYS, checked_mapping, load_mapping
+from motionary.motion.roles import READING_KEYS, FileMapping, checked_mapping, load_mapping
 
 _SWITCHES = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
@@ -72,8 +72,8 @@ class ReadingOptions:
             InputError: an unreadable file, an unknown key or a wrong value; the file is named.
         """
         values = load_mapping(given)
-        roles = checked_mapping(given)
-        named = "" if isinstance(given, Mapping) else str(given)
+        roles, named = FileMapping(checked_mapping(given)), "" if isinstance(given, Mapping) else str(given)
+        roles.where = named or "mapping"
         told = {key: values[key] for key in READING_KEYS if key in values}
         return ReadingOptions.told_at(named, mapping=roles or None, **told)
 
