@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
-.PHONY: help setup repro test check params deps sweep mlflow app bench study clean
+.PHONY: help setup repro test measured check params deps sweep mlflow app bench study clean
 
 help:  ## what each target does
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -29,6 +29,9 @@ repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus
 test: setup  ## all tests, in a browser too, which is installed where there is none
 	@python tests/browser.py
 	@python -m pytest
+
+measured: setup  ## reads 200 real clips turned, scaled and mirrored: up, unit and handedness
+	@MOTIONARY_CLIPS=200 python -m pytest tests/formats/read/test_measured.py -k real_clips
 
 check: setup  ## fast checks: style, types, generated files
 	@ruff check . && ruff format --check .

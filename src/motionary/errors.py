@@ -35,6 +35,10 @@ class InputError(ValueError):
         return type(self), (self.what, str(self.value), self.rule)
 
 
+class InputWarning(UserWarning):
+    """An input was taken on thin or contradicting evidence; one line says what was taken and how to say otherwise."""
+
+
 def check_values(section: str, config: object, names: Iterable[str], holds: Callable[[Any], bool], rule: str) -> None:
     """InputError for the first attribute of `config`, of those named, that breaks a rule.
 

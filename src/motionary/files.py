@@ -37,12 +37,28 @@ def readable(path: str | os.PathLike) -> Path:
 
 
 def read_text(path: str | os.PathLike) -> str:
-    """The text of a file; bytes that are not UTF-8 (old exporters write local code pages) are kept as Latin-1."""
+    """The text of a file: UTF-8 or UTF-16, with or without a byte order mark, else what old exporters wrote: Shift-JIS
+    where it reads as Japanese words, or Latin-1."""
     data = readable(path).read_bytes()
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    if (odd := data[1:200:2].count(0)) + (even := data[:200:2].count(0)) > 0.4 * min(len(data), 200):
+        return data.decode("utf-16-le" if odd > even else "utf-16-be", errors="replace")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1")
+        return _japanese(data) or data.decode("latin-1")
+
+
+def _japanese(data: bytes) -> str | None:
+    """The text in Shift-JIS, None where it is not: an accented letter of Latin-1 may pass for a character, no word."""
+    try:
+        text = data.decode("cp932")
+    except UnicodeDecodeError:
+        return None
+    wide = sum(1 for character in text if ord(character) > 0x2FFF)
+    runs = re.findall(r"[\u3000-\u9fff\uff00-\uffef]{2,}", text)
+    return text if sum(map(len, runs)) > 0.5 * wide > 0 else None
 
 
 def writable(path: str | os.PathLike, force: bool = True) -> Path:

@@ -121,7 +121,10 @@ def test_convert_cuts_and_resamples(clip, tmp_path, capsys):
 
 
 def test_a_mapping_makes_an_unknown_rig_known(clip, tmp_path, models, capsys):
-    """The same clip with joints that are numbered, and the file that says which is which."""
+    """The same clip with joints that are numbered, and the file that says which is which.
+
+    The tree alone tells that too, until one thigh is longer than the other.
+    """
     text, mapping = clip.read_text(), {}
     for number, role in enumerate(read_motion(clip).skeleton.joints):
         text = re.sub(rf"(ROOT|JOINT) {role}\n", rf"\1 bone{number}\n", text)
@@ -129,11 +132,16 @@ def test_a_mapping_makes_an_unknown_rig_known(clip, tmp_path, models, capsys):
     numbered, told = tmp_path / "numbered.bvh", tmp_path / "rig.json"
     numbered.write_text(text)
     told.write_text(json.dumps(mapping))
-    code, _, err = call(capsys, "caption", str(numbered), *models)
+    known = call(capsys, "caption", str(clip), *models)
+    assert call(capsys, "caption", str(numbered), *models) == known
+    knee = mapping["left_knee"]
+    uneven = tmp_path / "uneven.bvh"
+    uneven.write_text(re.sub(rf"(JOINT {knee}\n\s*{{\n\s*OFFSET \S+) \S+", r"\1 -70.0", text))
+    code, _, err = call(capsys, "caption", str(uneven), *models)
     assert code == 2
     assert "roles of no known joint" in err
     assert "--mapping" in err
-    known = call(capsys, "caption", str(clip), *models)
+    assert call(capsys, "caption", str(uneven), "--mapping", str(told), *models)[0] == 0
     assert call(capsys, "caption", str(numbered), "--mapping", str(told), *models) == known
     target = tmp_path / "out.npz"
     line = ("convert", str(numbered), str(target), "--skeleton", "smpl22", "--mapping", str(told))

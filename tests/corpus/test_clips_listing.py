@@ -46,6 +46,50 @@ def test_a_bad_line_is_one_problem_and_the_rest_stays(tmp_path, folder_of, bad, 
     assert rule in problems[0].rule
 
 
+def test_a_byte_order_mark_is_no_part_of_the_first_line(tmp_path, folder_of):
+    folder_of(tmp_path, [line("first", "a walk"), line("good", "a run")])
+    text = (tmp_path / "clips.jsonl").read_text()
+    (tmp_path / "clips.jsonl").write_text(text, encoding="utf-8-sig")
+    (tmp_path / "mapping.json").write_text('{"up": "y"}', encoding="utf-8-sig")
+    clips, problems = listed(tmp_path)
+    assert ([clip.id for clip in clips], problems) == (["root/first", "root/good"], [])
+
+
+def test_unknown_keys_are_said_once_with_the_nearest_known_one(tmp_path, folder_of):
+    slips = {"caption": "a walk", "notes": 1}
+    folder_of(
+        tmp_path, [line("first", "a walk") | slips, line("good") | slips | {"captions": [{"text": "x y", "strat": 0}]}]
+    )
+    clips, problems = listed(tmp_path)
+    assert len(clips) == 2
+    said = {problem.value: f"{problem.what}: {problem.rule}" for problem in problems}
+    assert sorted(said) == ["caption", "notes", "strat"]
+    assert "did you mean 'captions'?" in said["caption"]
+    assert "did you mean" not in said["notes"]
+    assert "did you mean 'start'?" in said["strat"]
+    assert "clips.jsonl:1" in said["caption"]
+    assert "captions[0]" in said["strat"]
+
+
+def test_a_line_and_a_mapping_file_say_how_to_read(tmp_path, folder_of):
+    """The line's word counts before the folder's, and both before what is measured."""
+    folder_of(tmp_path, [line("first", "a walk") | {"up": "z", "unit": "mm"}, line("good", "a run")])
+    plain = np.load(tmp_path / "motions" / "good.npy")
+    np.save(tmp_path / "motions" / "first.npy", plain)
+    (tmp_path / "mapping.json").write_text('{"unit": "dm", "mirror": true, "up": "y"}')
+    clips, problems = listed(tmp_path)
+    assert problems == []
+    (first, one), (good, two) = (clip.load(clip) for clip in clips)
+    np.testing.assert_allclose(first.positions, plain[..., [0, 2, 1]] * np.array([-1, 1, -1]) / 1000, atol=1e-6)
+    np.testing.assert_allclose(good.positions, plain * np.array([-1, 1, 1]) / 10, atol=1e-6)
+    assert (one.reading.up, two.reading.up, one.reading.mirrored) == ("z", "y", True)
+    for wrong in ({"up": "w"}, {"mapping": 3}, {"mapping": {"tail": "x"}}, {"mirror": "perhaps"}):
+        folder_of(tmp_path, [line("first", "a walk") | wrong])
+        clips, problems = listed(tmp_path)
+        assert clips == []
+        assert "clips.jsonl:1" in problems[0].what or "tail" in str(problems[0])
+
+
 @pytest.mark.parametrize("text", ["{broken", "[1, 2]", '"text"', "\x00\x01", "[" * 100_000])
 def test_lines_that_are_not_objects(tmp_path, folder_of, text):
     folder_of(tmp_path, [line("first", "a walk")])

@@ -40,7 +40,9 @@ def test_windows_of_one_clip_share_a_split_and_only_training_is_mirrored(corpus)
 
 
 def test_mapping_json_names_the_joints_of_a_folder_whose_rig_is_not_known(tmp_path, motion_of):
-    rig = Skeleton.from_rig("numbered", [f"bone{i}" for i in range(22)], SMPL.parents, SMPL.offsets)
+    uneven = SMPL.offsets.copy()  # legs that are no twins: the tree does not tell either
+    uneven[SMPL.joints.index("left_knee")] *= 2
+    rig = Skeleton.from_rig("numbered", [f"bone{i}" for i in range(22)], SMPL.parents, uneven)
     for folder, skeleton in (("known/rig", SMPL), ("unknown/rig", rig)):
         (tmp_path / folder).mkdir(parents=True)
         for i in range(4):
@@ -245,15 +247,72 @@ def test_another_rate_and_the_context_round_trip(tmp_path, folder_of):
     assert again.vocabulary.words == corpus.context.vocabulary.words
 
 
+def t_pose() -> np.ndarray:
+    """(22, 3) the rest pose of smpl22, feet on the ground."""
+    rest = np.zeros((22, 3))
+    for joint, parent in enumerate(SMPL.parents[1:], 1):
+        rest[joint] = rest[parent] + SMPL.offsets[joint]
+    return rest - [0, rest[:, 1].min(), 0]
+
+
+def hanging(positions: np.ndarray) -> np.ndarray:
+    """The same motion with its arms down."""
+    positions = positions.copy()
+    for shoulder, elbow, wrist in ((16, 18, 20), (17, 19, 21)):
+        positions[:, elbow] = positions[:, shoulder] + [0, -0.26, 0]
+        positions[:, wrist] = positions[:, shoulder] + [0, -0.5, 0.1]
+    return positions
+
+
 def test_a_leading_bind_pose_is_replaced(motion_of):
-    positions = motion_of(120)
+    positions = hanging(motion_of(120))
     shown = positions.copy()
-    shown[0, 16:22] += 0.5
+    shown[0] = t_pose()
     fixed = without_bind_pose(Motion(shown, 20.0, SMPL)).positions
     np.testing.assert_array_equal(fixed[1:], positions[1:])
     np.testing.assert_array_equal(fixed[0], positions[1])
     untouched = Motion(positions, 20.0, SMPL)
     assert without_bind_pose(untouched) is untouched
+
+
+def test_a_quick_start_is_no_bind_pose(motion_of):
+    """Neither hands that fly up in the first step, nor a T-pose out of which the motion goes on quickly."""
+    quick = hanging(motion_of(120))
+    quick[0, 16:22] += 0.5
+    swing = np.repeat(t_pose()[None], 30, axis=0)
+    for t in range(30):
+        swing[t, 16:22, 1] += 0.2 * min(t, 5)
+    for positions in (quick, swing):
+        motion = Motion(positions, 20.0, SMPL)
+        assert without_bind_pose(motion) is motion
+
+
+@pytest.mark.parametrize("fps", [1.0, 0.6, 5.0])
+def test_slow_rates_have_beginnings_too(motion_of, fps):
+    motion = Motion(motion_of(3), fps, SMPL)
+    assert without_bind_pose(motion) is motion
+
+
+BIND_POSES = {
+    "captioned": ["07_12", *(f"135_{i:02d}" for i in (3, 4, 5, 6, 7, 9, 10, 11))]
+    + [f"60_{i:02d}" for i in (1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14, 15)]
+    + [f"61_{i:02d}" for i in (1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14, 15)]
+    + [f"94_{i:02d}" for i in (4, 6, 7, 8, 13, 14, 15)],
+    "styled": [],
+    "cmu": [],
+}
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("folder", BIND_POSES)
+def test_real_bind_poses_go_and_real_beginnings_stay(shared_data, folder):
+    """Thirty clips of `raise-up-both-hands`, active, begin quickly: none of them loses its beginning."""
+    found = []
+    for path in sorted((shared_data / folder / "motions").glob("*.npy")):
+        motion = Motion(np.load(path), 20.0, SMPL)
+        if without_bind_pose(motion) is not motion:
+            found.append(path.stem)
+    assert sorted(found) == sorted(BIND_POSES[folder])
 
 
 @pytest.mark.real

@@ -10,7 +10,8 @@ import pytest
 
 from motionary.errors import InputError
 from motionary.motion import Skeleton
-from motionary.motion.roles import REQUIRED, find_roles, read_mapping
+from motionary.motion.rigs import REQUIRED, find_roles
+from motionary.motion.roles import read_mapping
 
 ARMS_AND_LEGS = tuple(
     f"{side}{part}"

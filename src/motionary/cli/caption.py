@@ -16,7 +16,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     told = "choose those that agree best with this many draws (slower)"
     add.add_argument("--consensus", type=shared.count, default=0, help=told)
     shared.add_system(add)
-    shared.add_rig(add)
+    shared.add_reading(add)
     shared.add_cut(add)
     shared.add_seed(add)
     shared.add_models(add)

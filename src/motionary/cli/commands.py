@@ -4,20 +4,39 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from motionary.cli import app, caption, convert, generate, search, stylize, view
 from motionary.cli.command import build_parser
-from motionary.errors import InputError
+from motionary.errors import InputError, InputWarning
 
 COMMANDS = tuple(module.COMMAND for module in (generate, caption, stylize, search, convert, view, app))
+
+
+@contextmanager
+def _short_warnings() -> Iterator[None]:
+    """A doubt about how a file was read is one line, like an error, and is said for every file."""
+
+    def show(message, category, filename, lineno, file=None, line=None) -> None:
+        if issubclass(category, InputWarning):
+            print(f"warning: {message}", file=sys.stderr)
+        else:
+            usual(message, category, filename, lineno, file, line)
+
+    with warnings.catch_warnings():
+        usual, warnings.showwarning = warnings.showwarning, show
+        warnings.simplefilter("always", InputWarning)
+        yield
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit code: 0, 2 on bad input, 130 when interrupted."""
     try:
         options = build_parser(COMMANDS).parse_args(arguments)
-        options.run(options)
+        with _short_warnings():
+            options.run(options)
         sys.stdout.flush()
         return 0
     except BrokenPipeError:  # the reader of a pipe went away, as `head` does

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from motionary.cli import options as shared
@@ -18,19 +19,24 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--skeleton", help="retarget to smpl22 or kit21")
     add.add_argument("--caption", help="shown in mp4, gif and html")
     add_force(add, "an existing file")
-    shared.add_rig(add)
+    shared.add_reading(add)
+    add.add_argument("-v", "--verbose", action="store_true", help="say on standard error how the file was read")
     shared.add_cut(add)
 
 
 def _run(options: argparse.Namespace) -> None:
     """One motion file into another format."""
     from motionary.files import writable
-    from motionary.formats import read_motion, write_motion
+    from motionary.formats import write_motion
+    from motionary.formats.read import read_motion_warning
     from motionary.motion import Skeleton, resample, retarget
 
     extension = known_extension(Path(options.target).suffix or "none")
     writable(options.target, options.force)
-    motion = shared.cut(read_motion(options.source, options.mapping, fps=options.source_fps), options)
+    motion, read = read_motion_warning(options.source, fps=options.source_fps, **shared.reading(options))
+    if options.verbose:
+        print(f"{options.source}: {read.line()}", file=sys.stderr)
+    motion = shared.cut(motion, options)
     if options.skeleton is not None:
         motion = retarget(motion, Skeleton.named(options.skeleton))
     if options.fps is not None:

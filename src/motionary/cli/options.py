@@ -95,10 +95,20 @@ def add_files(add: argparse.ArgumentParser, told: str = "") -> None:
     add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
 
 
-def add_rig(add: argparse.ArgumentParser) -> None:
-    """--mapping."""
-    told = "JSON with the joint's name by role, for a rig that is not known"
+def add_reading(add: argparse.ArgumentParser) -> None:
+    """What the user knows of the files, where they are not to be measured, for :func:`reading`."""
+    told = "JSON with the joint's name by role, for a rig that is not known, and these options"
     add.add_argument("--mapping", metavar="FILE", help=told)
+    add.add_argument("--up", metavar="AXIS", help="what points up: y, z, x, or as --up=-y with a minus (measured)")
+    add.add_argument("--unit", help="m, cm, mm, dm, in, ft, cmu or metres per unit (measured)")
+    yes_no = argparse.BooleanOptionalAction
+    add.add_argument("--mirror", action=yes_no, help="swap left and right, as left-handed files need (measured)")
+    add.add_argument("--skip-first", action=yes_no, help="leave out the first frame (where it is a calibration pose)")
+
+
+def reading(options: argparse.Namespace) -> dict[str, Any]:
+    """The arguments of `read_motion` that :func:`add_reading` gives."""
+    return {name: getattr(options, name) for name in ("mapping", "up", "unit", "mirror", "skip_first")}
 
 
 def add_cut(add: argparse.ArgumentParser) -> None:
@@ -111,7 +121,7 @@ def read_files(options: argparse.Namespace) -> list[Motion]:
     """The motions of FILE, cut."""
     from motionary.formats import read_motion
 
-    return [cut(read_motion(path, options.mapping, fps=options.fps), options) for path in options.files]
+    return [cut(read_motion(path, fps=options.fps, **reading(options)), options) for path in options.files]
 
 
 def cut(motion: Motion, options: argparse.Namespace) -> Motion:

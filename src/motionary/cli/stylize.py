@@ -18,7 +18,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--strength", type=float, default=1.0, help="0 keeps the motion, 1 is the whole style (1)")
     add.add_argument("-n", type=shared.count, default=1, help="variants of each; a reference has only one (1)")
     add_outputs(add)
-    shared.add_rig(add)
+    shared.add_reading(add)
     shared.add_cut(add)
     shared.add_seed(add)
     shared.add_models(add)
@@ -33,7 +33,7 @@ def _run(options: argparse.Namespace) -> None:
     outputs = Outputs(options, (name for row in names for name in row))
     motions, reference = shared.read_files(options), None
     if options.reference is not None:
-        reference = read_motion(options.reference, options.mapping, fps=options.fps)
+        reference = read_motion(options.reference, fps=options.fps, **shared.reading(options))
     dictionary = shared.open_models(options)
     found = dictionary.stylize(motions, options.style, reference, options.n, options.seed, options.strength)
     rows: list[dict[str, Any]] = []

@@ -16,6 +16,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     shared.add_files(add, ", shown side by side")
     add.add_argument("--out", metavar="PAGE.html", help="keep the page here (a temporary folder)")
     add_force(add, "an existing page")
+    shared.add_reading(add)
     add.add_argument("--no-open", action="store_true", help="write the page, open no browser")
 
 
@@ -24,7 +25,7 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.formats import read_motion
     from motionary.formats.render.page import write_page
 
-    motions = [read_motion(path, fps=options.fps) for path in options.files]
+    motions = [read_motion(path, fps=options.fps, **shared.reading(options)) for path in options.files]
     target = options.out
     if target is None:
         target = Path(tempfile.mkdtemp(prefix="motionary-")) / "motions.html"

@@ -10,10 +10,14 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
 
 from motionary.errors import InputError
+from motionary.formats.read.options import Reading, ReadingOptions, nearest_key
 from motionary.motion import Motion
+from motionary.motion.roles import READING_KEYS
 
 MOTION_FILES = (".bvh", ".npy", ".npz", ".amc")
 BARE_ARRAYS = (".npy",)
+CLIP_KEYS = ("motion", "fps", "subject", "style", "action", "skeleton", "captions", "mapping", *READING_KEYS)
+CAPTION_KEYS = ("text", "start", "end", "source")
 LONGEST_CAPTION = 1000
 LONGEST_LABEL = 100
 TOLERANCE = 0.1  # s by which a caption may overhang its clip: labels are rounded to frames of another rate
@@ -56,6 +60,7 @@ class Clip:
         mirrored: the source's own mirrored copy.
         attributes: what is true of the motion as JSON, where the source knows (the demo grammar), else "".
         mirrors: whether preprocess may add a mirrored copy (False where the source brings its own).
+        reading: how the file was read, once it is.
     """
 
     id: str
@@ -72,6 +77,7 @@ class Clip:
     origin: str = ""
     mirrored: bool = False
     mirrors: bool = True
+    reading: Reading | None = None
 
     def __post_init__(self):
         if not self.origin:
@@ -108,7 +114,7 @@ def read_listing(path: Path, parse, where: str | None = None) -> tuple[list, lis
         where: how to name the file in complaints (default: the path).
     """
     items, problems = [], []
-    with path.open(encoding="utf-8", errors="replace") as lines:
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
         for number, line in enumerate(lines, 1):
             if not line.strip():
                 continue
@@ -123,6 +129,26 @@ def read_listing(path: Path, parse, where: str | None = None) -> tuple[list, lis
             except InputError as problem:
                 problems.append(problem)
     return items, problems
+
+
+def reading(root: Path, values: dict[str, Any], where: str) -> ReadingOptions | None:
+    """What a line says of how its motion is to be read; its mapping is a file in the folder, or the object itself."""
+    told = {key: values[key] for key in READING_KEYS if values.get(key) is not None}
+    mapping = values.get("mapping")
+    if mapping is None:
+        return ReadingOptions.told_at(where, **told) if told else None
+    if not isinstance(mapping, str | dict):
+        raise InputError(f"{where}: mapping", mapping, "must be a JSON file's path, or an object: role to joint name")
+    given = ReadingOptions.from_mapping(root / mapping if isinstance(mapping, str) else mapping)
+    return ReadingOptions.told_at(where, **told).over(given)
+
+
+def unknown_keys(values: dict[str, Any], known: tuple[str, ...], where: str, seen: set[str]) -> list[InputError]:
+    """A problem for each key that nothing reads and that was not seen before: it is left out, perhaps by a slip."""
+    new = [key for key in values if key not in known and key not in seen]
+    seen.update(new)
+    rule = f"is no known key and is left out; known are {', '.join(known)}"
+    return [InputError(where, key, rule + nearest_key(key, known)) for key in new]
 
 
 def label(values: dict[str, Any], key: str, where: str) -> str:
@@ -162,12 +188,14 @@ def rate(values: dict[str, Any], relative: PurePosixPath, where: str) -> float |
     return float(value)
 
 
-def captions(values: dict[str, Any], where: str, problems: list[InputError]) -> tuple[Caption, ...]:
-    """The usable captions of a line; each bad one becomes a problem and is left out."""
+def captions(
+    values: dict[str, Any], where: str, problems: list[InputError], seen: set[str] | None = None
+) -> tuple[Caption, ...]:
+    """The usable captions of a line; a bad one becomes a problem and is left out, and so does a key not yet `seen`."""
     listed = values.get("captions") or []
     if not isinstance(listed, list):
         raise InputError(f"{where}: captions", listed, "must be a list of {text, start, end, source}")
-    return tuple(_usable(listed, where, problems))
+    return tuple(_usable(listed, where, problems, set() if seen is None else seen))
 
 
 def check_text(text: Any, where: str) -> str:
@@ -184,12 +212,13 @@ def check_text(text: Any, where: str) -> str:
     return text
 
 
-def _usable(listed: list, where: str, problems: list[InputError]) -> Iterator[Caption]:
+def _usable(listed: list, where: str, problems: list[InputError], seen: set[str]) -> Iterator[Caption]:
     for position, entry in enumerate(listed):
         place = f"{where}: captions[{position}]"
         try:
             if not isinstance(entry, dict):
                 raise InputError(place, entry, "must be an object {text, start, end, source}")
+            problems += unknown_keys(entry, CAPTION_KEYS, place, seen)
             text = check_text(entry.get("text"), f"{place}.text")
             times = [entry.get(key) for key in ("start", "end")]
             for key, time in zip(("start", "end"), times, strict=True):

@@ -19,6 +19,7 @@ from tqdm import tqdm
 from motionary.corpus.clips import Caption, Clip, problem_rows
 from motionary.corpus.config import DataConfig
 from motionary.corpus.context import Context
+from motionary.corpus.readings import ReadingCounts
 from motionary.corpus.sources import Source, open_sources
 from motionary.corpus.splits import SPLITS, split_clips
 from motionary.corpus.store import CAPTION_SCHEMA, CLIP_SCHEMA
@@ -107,6 +108,7 @@ class _Build:
     dropped: Counter = field(default_factory=Counter)
     read: Counter = field(default_factory=Counter)
     seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    readings: defaultdict[str, ReadingCounts] = field(default_factory=lambda: defaultdict(ReadingCounts))
 
     def __post_init__(self):
         self.skeleton = Skeleton.named(self.config.skeleton)
@@ -122,6 +124,8 @@ class _Build:
         self.dropped += encoded.dropped
         self.read[encoded.clip.group] += 1
         self.seconds[encoded.clip.group] += encoded.seconds
+        if encoded.clip.reading is not None:
+            self.readings[encoded.clip.group].add(encoded.clip.reading, encoded.clip.where.replace(self.prefix, ""))
         several = len(encoded.windows) > 1
         for k, (window, features, flipped) in enumerate(encoded.windows):
             name = f"{encoded.clip.id}#{k}" if several else encoded.clip.id
@@ -256,6 +260,7 @@ class _Build:
             "roots": {
                 name: {"read": self.read[name], "minutes_read": round(self.seconds[name] / 60, 3)}
                 | rounded.get(f"root {name}", {})
+                | ({"reading": self.readings[name].report()} if name in self.readings else {})
                 for name in sorted(self.read)
             },
             "captions": len(kept),

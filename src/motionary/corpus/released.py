@@ -34,7 +34,8 @@ class ReleasedMotion:
             features = np.load(self.path, allow_pickle=False).astype(np.float32)
             motion = HumanML3D(skeleton).decode(features, fps=fps)
         else:
-            motion = read_motion(self.path, fps=fps, skeleton=skeleton)
+            # The release is metres and y up by definition (KIT-ML's original is in millimetres, see below).
+            motion = read_motion(self.path, fps=fps, skeleton=skeleton, up="y", unit=1.0, mirror=False)
         extent = np.ptp(motion.positions[0], axis=0).max()
         if extent > TALLEST:
             motion = Motion(motion.positions / 1000, motion.fps, motion.skeleton)
@@ -91,7 +92,7 @@ class HumanML3DSource:
             path = self.root / f"{split}.txt"
             if not path.is_file():
                 continue
-            for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+            for number, line in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), 1):
                 name = line.strip()
                 if not name:
                     continue
@@ -120,7 +121,7 @@ class HumanML3DSource:
         if not path.is_file():
             problems.append(InputError(path, "missing", "every listed motion needs a caption file"))
             return
-        for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+        for number, line in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), 1):
             if not line.strip():
                 continue
             try:

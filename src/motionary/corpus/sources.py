@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from motionary.corpus.clips import (
     BARE_ARRAYS,
+    CLIP_KEYS,
     MOTION_FILES,
     Caption,
     Clip,
@@ -25,13 +26,15 @@ from motionary.corpus.clips import (
     problem_rows,
     rate,
     read_listing,
+    reading,
+    unknown_keys,
 )
 from motionary.corpus.config import DataConfig
 from motionary.corpus.released import HumanML3DSource
 from motionary.errors import InputError
-from motionary.formats import read_motion
+from motionary.files import read_text
+from motionary.formats.read import ReadingOptions, read_motion_with
 from motionary.motion import Motion, Skeleton
-from motionary.motion.roles import checked_mapping
 
 MAPPING = "mapping.json"
 KNOWN_SKELETONS = ("smpl22", "kit21")
@@ -53,15 +56,16 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class FileMotion:
-    """Loader of a motion file; `skeleton` names a known one where the listing does, `mapping` the folder's joints."""
+    """Loader of a motion file; `skeleton` names a known one where the listing does, `options` how it is to be read."""
 
     path: str
     skeleton: str = ""
-    mapping: Mapping[str, str] | None = None
+    options: ReadingOptions | None = None
 
     def __call__(self, clip: Clip) -> tuple[Motion, Clip]:
         skeleton = Skeleton.named(self.skeleton) if self.skeleton else None
-        return read_motion(self.path, self.mapping, fps=clip.fps, skeleton=skeleton), clip
+        motion, told = read_motion_with(self.path, self.options, fps=clip.fps, skeleton=skeleton)
+        return motion, replace(clip, reading=told)
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,8 @@ class DemoMotion:
 class FolderSource:
     """A folder with `clips.jsonl`, or any folder of .bvh, .amc, .npz and .npy files (then without captions).
 
-    Where the folder's rig is not known, its `mapping.json` says which joint plays which role.
+    Where the folder's rig is not known, its `mapping.json` says which joint plays which role, and how its files are to
+    be read; a line of `clips.jsonl` may say it of one motion.
 
     Args:
         root: the folder.
@@ -95,12 +100,14 @@ class FolderSource:
 
     def __init__(self, root: Path, name: str, fps: float = 20.0):
         self.root, self.name, self.fps = root, name, fps
-        self.mapping: Mapping[str, str] | None = None  # read with the clips
+        self.options: ReadingOptions | None = None  # of its mapping.json, read with the clips
+        self._unknown: tuple[set[str], set[str]] = (set(), set())  # keys of clips and of captions already complained of
 
     def clips(self) -> tuple[list[Clip], list[InputError]]:
         """See `Source`; ids are unique, a second line about the same motion is a problem."""
         mapping = self.root / MAPPING
-        self.mapping = checked_mapping(mapping) if mapping.is_file() else None
+        self.options = ReadingOptions.from_mapping(mapping) if mapping.is_file() else None
+        self._unknown = (set(), set())
         listing = self.root / "clips.jsonl"
         if listing.is_file():
             found, problems = read_listing(listing, self._listed)
@@ -119,22 +126,25 @@ class FolderSource:
     def _listed(self, values: dict, where: str, problems: list[InputError]) -> Clip:
         relative = inside(self.root, values, where)
         skeleton = label(values, "skeleton", where)
+        problems += unknown_keys(values, CLIP_KEYS, where, self._unknown[0])
+        told = reading(self.root, values, where)
+        options = told.over(self.options) if told else self.options
         return Clip(
             id=self._id(relative),
-            load=FileMotion(str(self.root / relative), skeleton if skeleton in KNOWN_SKELETONS else "", self.mapping),
+            load=FileMotion(str(self.root / relative), skeleton if skeleton in KNOWN_SKELETONS else "", options),
             where=where,
             group=self.name,
             fps=rate(values, relative, where),
             subject=label(values, "subject", where),
             style=label(values, "style", where),
             action=label(values, "action", where),
-            captions=captions(values, where, problems),
+            captions=captions(values, where, problems, self._unknown[1]),
         )
 
     def _found(self, path: Path) -> Clip:
         fps = self.fps if path.suffix.lower() in BARE_ARRAYS else None
         relative = PurePosixPath(path.relative_to(self.root).as_posix())
-        return Clip(self._id(relative), FileMotion(str(path), mapping=self.mapping), str(path), self.name, fps)
+        return Clip(self._id(relative), FileMotion(str(path), options=self.options), str(path), self.name, fps)
 
     def _id(self, relative: PurePosixPath) -> str:
         parts = relative.with_suffix("").parts
@@ -239,7 +249,7 @@ def _seconds(path: Path, fps: float | None) -> float | None:
         if path.suffix.lower() == ".npy" and fps:
             return round(len(np.load(path, mmap_mode="r", allow_pickle=False)) / fps, 4)
         if path.suffix.lower() == ".bvh":
-            text = path.read_text(encoding="latin-1")
+            text = read_text(path)
             frames = re.search(r"Frames:\s*(\d+)\s+Frame Time:\s*([\d.eE+-]+)", text)
             return round(int(frames[1]) * float(frames[2]), 4) if frames else None
     except (OSError, ValueError, TypeError):

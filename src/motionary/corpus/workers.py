@@ -21,7 +21,8 @@ from motionary.features import codec
 from motionary.motion import Motion, Skeleton, canonicalize, mirror, resample, retarget
 
 CHUNK = 8  # clips per task: large enough to hide the cost of a task, small enough to keep results few in memory
-JUMP = 10.0  # a first frame this many times further from the second than frames usually are is a bind pose
+JUMP = 0.04  # m that joints move on average, relative to the root, in the jump out of a bind pose
+CALM = 0.3  # the step after that jump is a smaller part of it than this
 FASTEST = 15.0  # m/s of the root; nobody has run faster, so this is a tracking error
 
 
@@ -91,20 +92,21 @@ def clip_labels(clip: Clip, *_) -> Clip:
 
 
 def without_bind_pose(motion: Motion) -> Motion:
-    """The motion with a leading T-pose replaced by the first real frame, so that times stay.
+    """The motion with a leading bind pose replaced by the first real frame, so that times stay.
 
-    Some exporters put the bind pose in frame 0 and some blend out of it over a few frames: steps many times larger
-    than usual, in at most the first 0.1 s.
+    Some exporters put the bind pose in frame 0 and some blend out of it over a few frames, at most 0.1 s. A quick start
+    is none: a bind pose is a pose, standing with the arms out, and the step after the jump out of it is calm.
     """
-    if motion.frames < 8:
+    if motion.frames < 3 or not _arms_out(motion):
         return motion
-    pose = motion.positions[: round(motion.fps)] - motion.positions[: round(motion.fps), :1]
+    latest = max(1, round(0.1 * min(motion.fps, 1e3)))
+    pose = motion.positions[: latest + 2] - motion.positions[: latest + 2, :1]
     steps = np.linalg.norm(np.diff(pose, axis=0), axis=-1).mean(axis=1)
-    usual = np.median(steps[1:])
-    if steps[0] < 0.02 or steps[0] < JUMP * usual:
+    away = np.linalg.norm(pose[1:] - pose[0], axis=-1).mean(axis=1)  # of frame 1, 2, ... from the first
+    calm = [k for k in range(1, len(steps)) if away[k - 1] > JUMP and steps[k] < away[k - 1] * CALM / k]
+    if not calm:
         return motion
-    calm = np.flatnonzero(steps < max(3 * usual, 0.005))
-    first = min(int(calm[0]) if len(calm) else 1, max(1, round(0.1 * motion.fps)))
+    first = calm[0]
 
     def held(values: np.ndarray) -> np.ndarray:
         """With the first calm frame in the place of those before it."""
@@ -112,6 +114,27 @@ def without_bind_pose(motion: Motion) -> Motion:
 
     rotations = None if motion.rotations is None else held(motion.rotations)
     return replace(motion, positions=held(motion.positions), rotations=rotations)
+
+
+def _arms_out(motion: Motion) -> bool:
+    """Whether the first frame stands upright with both arms within 60 degrees of the line through the shoulders."""
+    roles = motion.skeleton.roles
+    names = [f"{side}_{part}" for side in ("left", "right") for part in ("hip", "ankle", "shoulder", "elbow", "wrist")]
+    if not set(names) <= roles.keys():
+        return False
+    at = {name: motion.positions[0, roles[name]].astype(np.float64) for name in names}
+    across = at["left_shoulder"] - at["right_shoulder"]
+
+    def cosine(begin: str, end: str, line: np.ndarray) -> float:
+        bone = at[end] - at[begin]
+        return float(bone @ line / max(np.linalg.norm(bone) * np.linalg.norm(line), 1e-9))
+
+    for side, out in (("left", across), ("right", -across)):
+        if min(cosine(f"{side}_{a}", f"{side}_{b}", out) for a, b in (("shoulder", "elbow"), ("elbow", "wrist"))) < 0.5:
+            return False
+        if cosine(f"{side}_ankle", f"{side}_hip", np.array([0.0, 1.0, 0.0])) < 0.85:
+            return False
+    return True
 
 
 def in_order(task: Callable, jobs: Sequence[tuple], workers: int) -> Iterator:

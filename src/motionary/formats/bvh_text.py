@@ -11,6 +11,7 @@ from motionary.errors import InputError
 
 CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
 _MOST_JOINTS = 500
+_ENDS = " \t\r\n\x00\x1a"  # what may stand after the last number: DOS marks the end of a text with 0x1A
 
 
 @dataclass
@@ -26,11 +27,12 @@ class Node:
 
 @dataclass
 class RawBVH:
-    """The contents of a BVH file: nodes in file order, seconds per frame, values (T, all channels)."""
+    """The contents of a BVH file: nodes in file order, seconds per frame, values (T, all channels), and what is odd."""
 
     nodes: list[Node]
     frame_time: float
     values: np.ndarray
+    notes: tuple[str, ...] = ()
 
 
 def parse(text: str, name: object) -> RawBVH:
@@ -43,14 +45,17 @@ def parse(text: str, name: object) -> RawBVH:
     Raises:
         InputError: names the file, the line and the rule that it breaks.
     """
-    lines = text.splitlines()
+    lines = text.rstrip(_ENDS).splitlines()
     nodes, at = _hierarchy(lines, name)
     frames, frame_time, at = _header(lines, at, name)
     width = sum(len(node.channels) for node in nodes)
     if width == 0:
         raise InputError(name, "no CHANNELS", "at least one joint must move")
     values = _numbers(lines, at, frames, width, name)
-    return RawBVH(nodes, frame_time, values)
+    notes = ()
+    if len(values) > frames:
+        notes = (f"Frames: says {frames}, the file holds {len(values)}; all of them were read",)
+    return RawBVH(nodes, frame_time, values, notes)
 
 
 def _fail(name: object, line: int, value: object, rule: str) -> InputError:
@@ -161,16 +166,16 @@ def _header(lines: list[str], at: int, name: object) -> tuple[int, float, int]:
 
 
 def _numbers(lines: list[str], at: int, frames: int, width: int, name: object) -> np.ndarray:
-    """All channel values (frames, width), parsed at once; on trouble the first wrong line is looked up."""
+    """All channel values (frames or more, width), parsed at once; on trouble the first wrong line is looked up."""
     with warnings.catch_warnings():
         # numpy warns (or, later, raises) where text is not a number; the line search below says where.
-        warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.simplefilter("error", DeprecationWarning)
         try:
             values = np.fromstring(" ".join(lines[at:]), sep=" ")
-        except ValueError:
+        except (ValueError, DeprecationWarning):
             values = np.empty(0)
-    if values.size == frames * width and np.isfinite(values).all():
-        return values.reshape(frames, width)
+    if values.size >= frames * width and values.size % width == 0 and np.isfinite(values).all():
+        return values.reshape(-1, width)
     raise _numbers_error(lines, at, frames, width, name)
 
 
@@ -189,7 +194,8 @@ def _numbers_error(lines: list[str], at: int, frames: int, width: int, name: obj
             return _fail(name, i, tokens[int(np.argmin(np.isfinite(numbers)))], f"frame {rows} must be finite")
         if len(tokens) != width:
             return _fail(name, i, f"{len(tokens)} values", f"frame {rows} must hold {width} (as many as CHANNELS)")
-    return _fail(name, max(len(lines) - 1, 0), f"{rows} frames", f"Frames: says {frames} (is the file truncated?)")
+    why = " (is the file truncated?)" if rows < frames else ""
+    return _fail(name, max(len(lines) - 1, 0), f"{rows} frames", f"Frames: says {frames}{why}")
 
 
 def render(nodes: list[Node], frame_time: float, values: np.ndarray) -> str:

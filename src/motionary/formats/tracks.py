@@ -1,25 +1,23 @@
-"""From a rig as a file gives it (any unit, any up axis) to a `Motion`; and from a `Motion` to local transforms."""
+"""From a rig as a file gives it (any unit, axes and names) to a `Motion`; and from a `Motion` to local transforms."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.read.settle import settle, with_roles
 from motionary.motion import Motion, Skeleton, fit_rotations
+from motionary.motion.rigs import REQUIRED, find_roles
+from motionary.motion.roles import chains_of, contradictions, names_by_role, read_mapping, roles_of
 from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
 from motionary.motion.skeleton import NAMED
+from motionary.motion.tree import roles_by_tree
 
-# Metres per unit: metre, centimetre, millimetre, inch, and the unit of the Acclaim files of CMU and of what was made
-# from them (cgspeed's MotionBuilder conversion): 0.45 of them are an inch, 0.0254 / 0.45.
-CMU_UNIT = 0.0254 / 0.45
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "cmu": CMU_UNIT}
-_LEG = 0.85  # metres from hip to ankle of a typical adult
-_LONGEST_CHAIN = 1.35  # metres from the root through the spine to a hand, where a rig has no known legs
-_STILL = 1e-4  # metres; below this, a translation is rounding
 _WRITTEN = 5e-4  # metres; where rotations miss a joint by more, a file gets that joint's translation too
-_Y_FROM_Z = np.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # turns z up into y up: (x, y, z) -> (x, z, -y)
 
 
 @dataclass(frozen=True)
@@ -54,42 +52,68 @@ class Track:
         return offsets
 
 
-def to_motion(
-    track: Track, fps: float, file: object, unit: str | float | None, up: str | None, skip_first: bool | None
-) -> Motion:
-    """Metres, y up, without placement nodes and without a T-pose put before the motion.
+def to_motion(track: Track, fps: float, file: object, options: ReadingOptions) -> tuple[Motion, Reading]:
+    """Metres, y up, without placement nodes and without a T-pose put before the motion; and how that was decided.
 
     Args:
         track: what the file holds.
         fps: frames per second.
         file: its name, for errors.
-        unit: metres per unit, or a key of `UNITS`; None finds it by the length of the legs.
-        up: "y" or "z"; None finds it (see `_up_axis`).
-        skip_first: drop the first frame; None drops it if it is a T-pose (see `_starts_with_t_pose`).
+        options: what the user says; a mapping counts before anything is measured.
 
     Raises:
-        InputError: an option has no such value, or the result is not a valid motion.
+        InputError: a mapping does not fit, or the result is not a valid motion.
     """
     track = _without_placement_nodes(track)
-    skeleton = Skeleton.from_rig("rig", track.joints, track.parents, track.offsets)
-    scale = _unit(skeleton) if unit is None else _given_unit(unit)
-    if up not in (None, "y", "z"):
-        raise InputError("up", up, "must be 'y' or 'z' (None: found)")
     positions, _ = track.place()
-    if (up or _up_axis(skeleton, positions)) == "z":
-        track = _turned(track, _Y_FROM_Z)
-        positions = quat_action(_Y_FROM_Z, positions)
-    positions, rotations = positions * scale, track.rotations
-    if skip_first is None:
-        skip_first = _starts_with_t_pose(skeleton, positions)
-    if skip_first and len(positions) > 1:
+    rest = track.offsets
+    track, roles, source, notes = _cast(track, positions, rest, options)
+    resting = np.zeros_like(rest)
+    for j, p in enumerate(track.parents[1:], 1):
+        resting[j] = resting[p] + rest[j]
+    settled = settle(positions, roles, fps, options, resting, _longest_chain(track, rest))
+    settled = with_roles(settled, source, notes)
+    reading = settled.reading
+    positions, rotations = settled.points(positions), settled.rotations(track.rotations)
+    skip = _starts_with_t_pose(roles, positions) if options.skip_first is None else options.skip_first
+    if skip and len(positions) > 1:
         positions, rotations = positions[1:], rotations[1:]
+        reading = replace(reading, skipped_first=True)
     try:
-        skeleton, order = _skeleton(track, track.offsets * scale)
+        skeleton, order = _skeleton(track, settled.offsets(rest))
         positions, rotations = positions[:, order], rotations[:, order]
-        return Motion(positions.astype(np.float32), fps, skeleton, rotations.astype(np.float32))
+        return Motion(positions.astype(np.float32), fps, skeleton, rotations.astype(np.float32)), reading
     except InputError as error:
         raise InputError(f"{file}, {error.what}", error.value, error.rule) from None
+
+
+def _cast(
+    track: Track, positions: np.ndarray, rest: np.ndarray, options: ReadingOptions
+) -> tuple[Track, dict[str, int], str, list[str]]:
+    """The track with joints called by their roles where names do not tell them, the roles, their source, and notes."""
+    roles, source = roles_of(track.joints, track.parents, rest), "names"
+    if not all(role in find_roles(track.joints) for role in REQUIRED):
+        source = "tree" if roles else "unknown"
+    renamed: dict[str, int] = {}
+    notes: list[str] = []
+    if options.mapping is not None:
+        renamed, source = read_mapping(options.mapping, track.joints), "mapping"
+    elif not all(role in roles for role in REQUIRED):
+        some = np.unique(np.linspace(0, len(positions) - 1, 50).astype(int))
+        if renamed := roles_by_tree(track.joints, track.parents, rest, positions[some]):
+            source = "tree"
+            notes.append("left and right were told by the motion, not by names: joints are called by their roles")
+    joints = track.joints
+    if renamed:
+        track = replace(track, joints=tuple(names_by_role(track.joints, roles, renamed)))
+        roles = {role: joint for role, joint in roles.items() if joint not in renamed.values()} | renamed
+    notes += [f"{line}: does the mapping fit? (--mapping)" for line in contradictions(roles, joints, track.parents)]
+    return track, roles, source, notes
+
+
+def _longest_chain(track: Track, rest: np.ndarray) -> float:
+    lengths = np.linalg.norm(rest, axis=-1)
+    return float(max(sum(lengths[list(chain[1:])]) for chain in chains_of(track.parents)))
 
 
 def _skeleton(track: Track, offsets: np.ndarray) -> tuple[Skeleton, list[int]]:
@@ -122,60 +146,13 @@ def _without_placement_nodes(track: Track) -> Track:
     return track
 
 
-def _given_unit(unit: str | float) -> float:
-    value = UNITS.get(unit, 0.0) if isinstance(unit, str) else unit
-    if not (np.isfinite(value) and value > 0):
-        raise InputError("unit", unit, f"must be metres per unit, above 0, or one of {', '.join(UNITS)}")
-    return float(value)
-
-
-def _unit(skeleton: Skeleton) -> float:
-    """The known unit under which the legs (without known legs: the longest chain) come nearest to a person's."""
-    roles, lengths = skeleton.roles, skeleton.bone_lengths
-    if {"left_hip", "left_ankle"} <= roles.keys():
-        size, joint = 0.0, roles["left_ankle"]
-        while joint not in (roles["left_hip"], -1):
-            size, joint = size + lengths[joint], skeleton.parents[joint]
-        expected = _LEG
-    else:
-        size = max(sum(lengths[list(chain[1:])]) for chain in skeleton.chains)
-        expected = _LONGEST_CHAIN
-    if size <= 0:
-        return UNITS["m"]
-    return min(UNITS.values(), key=lambda scale: abs(np.log(size * scale / expected)))
-
-
-def _up_axis(skeleton: Skeleton, positions: np.ndarray) -> str:
-    """ "z" where the head stands over the feet along z through most of the motion, and not along y at rest."""
-    roles = skeleton.roles
-    if not {"head", "left_ankle", "right_ankle"} <= roles.keys():
-        return "y"
-    head, left, right = (roles[name] for name in ("head", "left_ankle", "right_ankle"))
-    rest = np.zeros((len(skeleton.joints), 3))
-    for j, p in enumerate(skeleton.parents[1:], 1):
-        rest[j] = rest[p] + skeleton.offsets[j]
-    spine = np.median(positions[:, head] - (positions[:, left] + positions[:, right]) / 2, axis=0)
-    at_rest = rest[head] - (rest[left] + rest[right]) / 2
-    stands = lambda v, axis, other: v[axis] > 2 * abs(v[other])  # noqa: E731
-    return "z" if stands(spine, 2, 1) and not stands(at_rest, 1, 2) else "y"
-
-
-def _turned(track: Track, turn: np.ndarray) -> Track:
-    """The same rig with all its axes turned, the rest pose's too."""
-    rotations = quat_product(
-        quat_product(np.broadcast_to(turn, track.rotations.shape), track.rotations), quat_conjugation(turn)
-    )
-    return replace(track, rotations=rotations, translations=quat_action(turn, track.translations))
-
-
-def _starts_with_t_pose(skeleton: Skeleton, positions: np.ndarray) -> bool:
+def _starts_with_t_pose(roles: Mapping[str, int], positions: np.ndarray) -> bool:
     """A calibration pose put before the motion, as in cgspeed's files.
 
     The rule: in the first frame both upper arms and forearms lie within 25 degrees of the line through the shoulders
     and both legs within 25 degrees of the vertical; and from it to the second frame the joints move, relative to the
     root, 5 cm or more on average and at least five times as far as between later frames (95th percentile).
     """
-    roles = skeleton.roles
     names = [f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hip", "ankle") for side in ("left", "right")]
     if len(positions) < 3 or not set(names) <= roles.keys():
         return False

@@ -11,7 +11,8 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.motion.facing import fill_short
 from motionary.motion.motion import Motion
-from motionary.motion.roles import REQUIRED, read_mapping
+from motionary.motion.rigs import REQUIRED
+from motionary.motion.roles import names_by_role, read_mapping
 from motionary.motion.rotations import TINY, vectors_to_rotmat
 from motionary.motion.skeleton import Skeleton
 
@@ -32,12 +33,7 @@ def name_joints(motion: Motion, mapping: Path | str | Mapping[str, str]) -> Moti
     """
     skeleton = motion.skeleton
     given = read_mapping(mapping, skeleton.joints)
-    known = {role: joint for role, joint in skeleton.roles.items() if joint not in given.values()}
-    roles = known | given
-    # A joint without a role may bear the name of one.
-    names = [f"{joint} (other)" if joint in roles else joint for joint in skeleton.joints]
-    for role, joint in roles.items():
-        names[joint] = role
+    names = names_by_role(skeleton.joints, skeleton.roles, given)
     return replace(motion, skeleton=Skeleton.from_rig(skeleton.name, names, skeleton.parents, skeleton.offsets))
 
 

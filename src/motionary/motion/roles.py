@@ -1,46 +1,87 @@
-"""What the joints' names tell: roles (names are data, ``rigs.json``; roles are the SMPL joint names), sides, chains."""
+"""Who plays which role on a rig: by names, by the tree, by the user's own map; and sides and chains."""
 
 from __future__ import annotations
 
+import itertools
 import json
-import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from motionary.errors import InputError
+from motionary.motion.rigs import REQUIRED, ROLES, find_roles
+from motionary.motion.tree import common_ancestor, roles_by_tree
 
-REQUIRED = tuple(
-    ["pelvis"]
-    + [
-        f"{side}_{joint}"
-        for joint in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
-        for side in ("left", "right")
-    ]
-)
+# Keys that a mapping file may hold beside roles: how its motions are to be read (motionary.formats.read.options).
+READING_KEYS = ("up", "unit", "mirror", "skip_first")
+_LIMBS = (("pelvis", "hip", "knee", "ankle", "foot"), ("collar", "shoulder", "elbow", "wrist"))
 
 
-@lru_cache
-def find_roles(joints: tuple[str, ...]) -> dict[str, int]:
-    """Joint index by role, by the rig of ``rigs.json`` that explains most of the names.
+def roles_of(
+    joints: tuple[str, ...], parents: Sequence[int], offsets: np.ndarray, poses: np.ndarray | None = None
+) -> dict[str, int]:
+    """Joint index by role: by the names of known rigs where those tell every required role, else by the tree.
+
+    The trunk's upper end, spine3, is where the arms leave, whatever its name.
 
     Args:
-        joints: joint names; namespaces (``mixamorig:Hips``), case and punctuation do not matter.
+        joints, parents, offsets: the rig, in any unit and axes.
+        poses: (T, J, 3) joint positions, from which the tree tells left from right where its rest pose does not.
     """
-    index: dict[str, int] = {}
-    for i, joint in enumerate(joints):
-        index.setdefault(_plain(joint), i)
-    best: dict[str, int] = {}
-    for rig in _rigs().values():
-        found = {}
-        for role, names in rig.items():
-            spot = next((index[name] for name in map(_plain, names) if name in index), None)
-            if spot is not None:
-                found[role] = spot
-        if len(found) > len(best):
-            best = found
-    return best
+    parents = tuple(int(p) for p in parents)
+    offsets = np.asarray(offsets, np.float32)
+    if poses is None:
+        return dict(_roles_of(tuple(joints), parents, offsets.tobytes()))
+    return dict(_roles_of(tuple(joints), parents, offsets.tobytes())) or roles_by_tree(joints, parents, offsets, poses)
+
+
+@lru_cache(maxsize=256)
+def _roles_of(joints: tuple[str, ...], parents: tuple[int, ...], offsets: bytes) -> dict[str, int]:
+    named = dict(find_roles(joints))
+    if not all(role in named for role in REQUIRED):
+        # Some names may be known by chance: a part of the roles counts only where the tree has no answer.
+        rest = np.frombuffer(offsets, np.float32).reshape(-1, 3)
+        return roles_by_tree(joints, parents, rest) or named
+    top = common_ancestor(parents, named["left_shoulder"], named["right_shoulder"])
+    if top not in named.values():
+        named["spine3"] = top
+    return named
+
+
+def contradictions(roles: Mapping[str, int], joints: Sequence[str], parents: Sequence[int]) -> list[str]:
+    """What the tree says against roles, a line each: limbs out of order, or a left limb with a right one's joints."""
+
+    def below(joint: int, other: int) -> bool:
+        while joint >= 0:
+            joint = parents[joint]
+            if joint == other:
+                return True
+        return False
+
+    found = []
+    for side in ("left", "right"):
+        for limb in _LIMBS:
+            chain = [name if name == "pelvis" else f"{side}_{name}" for name in limb]
+            chain = [role for role in chain if role in roles]
+            for upper, lower in itertools.pairwise(chain):
+                # Some rigs hang the legs beside the pelvis, none hangs a knee beside or above its hip.
+                if not below(roles[lower], roles[upper]) and (upper != "pelvis" or below(roles[upper], roles[lower])):
+                    names = f"{joints[roles[lower]]} ({lower}) is not below {joints[roles[upper]]} ({upper})"
+                    found.append(names)
+    return found
+
+
+def names_by_role(joints: Sequence[str], known: Mapping[str, int], given: Mapping[str, int]) -> list[str]:
+    """The joints' names with those that play a role called by it: the roles given, and the known ones beside them."""
+    roles = {role: joint for role, joint in known.items() if joint not in given.values()} | dict(given)
+    # A joint without a role may bear the name of one.
+    names = [f"{joint} (other)" if joint in roles else joint for joint in joints]
+    for role, joint in roles.items():
+        names[joint] = role
+    return names
 
 
 def read_mapping(given: Path | str | Mapping[str, str], joints: tuple[str, ...]) -> dict[str, int]:
@@ -57,31 +98,47 @@ def read_mapping(given: Path | str | Mapping[str, str], joints: tuple[str, ...])
 
 
 def checked_mapping(given: Path | str | Mapping[str, str]) -> dict[str, str]:
-    """Joint name by role, of a JSON file or a dict.
+    """Joint name by role, of a JSON file or a dict; keys that say how to read (`READING_KEYS`) are left out.
 
     Raises:
         InputError: the file is unreadable, a role is unknown, or two roles share a joint.
     """
-    what, mapping = _called(given), given
-    if not isinstance(given, Mapping):
-        try:
-            mapping = json.loads(Path(given).read_text("utf-8"))
-        except (OSError, ValueError) as error:
-            raise InputError(what, error, "a JSON file with a joint name for each role") from None
-    if not isinstance(mapping, Mapping):
-        raise InputError(what, mapping, "an object with a joint name for each role")
-    known, roles = _rigs()["smpl"], dict(mapping)
+    what = _called(given)
+    roles = {role: joint for role, joint in load_mapping(given).items() if role not in READING_KEYS}
     for role, joint in roles.items():
-        if role not in known:
-            raise InputError(what, role, f"roles are {', '.join(sorted(known))}")
+        if role not in ROLES:
+            raise InputError(what, role, f"roles are {', '.join(sorted(ROLES))}; also {', '.join(READING_KEYS)}")
         if not isinstance(joint, str) or list(roles.values()).count(joint) > 1:
             raise InputError(f"{what}: {role}", joint, "must be the name of a joint that plays no other role")
     return roles
 
 
+def load_mapping(given: Path | str | Mapping[str, Any]) -> Mapping[str, Any]:
+    """The object of a mapping file (JSON, with or without a byte order mark), or the dict itself.
+
+    Raises:
+        InputError: the file is unreadable or holds no object.
+    """
+    if isinstance(given, Mapping):
+        return given
+    try:
+        mapping = json.loads(Path(given).read_text("utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(given, error, "a JSON file with a joint name for each role") from None
+    if not isinstance(mapping, Mapping):
+        raise InputError(given, mapping, "an object with a joint name for each role")
+    return mapping
+
+
+class FileMapping(dict[str, str]):
+    """Joint name by role, read from a file, which complaints name."""
+
+    where = "mapping"
+
+
 def _called(given: Path | str | Mapping[str, str]) -> str:
     """How complaints name a mapping."""
-    return "mapping" if isinstance(given, Mapping) else str(given)
+    return getattr(given, "where", "mapping") if isinstance(given, Mapping) else str(given)
 
 
 def chains_of(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
@@ -121,12 +178,3 @@ def pairs_of(joints: Sequence[str], roles: Mapping[str, int]) -> tuple[tuple[int
             if right is not None and i not in pairs and index[right] not in pairs.values():
                 pairs[i] = index[right]
     return tuple(sorted(pairs.items()))
-
-
-@lru_cache
-def _rigs() -> dict[str, dict[str, list[str]]]:
-    return json.loads((files("motionary.motion") / "rigs.json").read_text("utf-8"))
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", name.rsplit(":", 1)[-1].lower())

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.motion.roles import chains_of, find_roles, pairs_of
+from motionary.motion.roles import chains_of, pairs_of, roles_of
 
 NAMED = ("smpl22", "kit21")
 
@@ -79,7 +79,7 @@ class Skeleton:
 
     @staticmethod
     def from_rig(name: str, joints: Sequence[str], parents: Sequence[int], offsets: np.ndarray) -> Skeleton:
-        """A skeleton from its tree alone: chains, pairs, feet, hips and shoulders follow from the joints' names.
+        """A skeleton from its tree: chains, pairs, feet, hips and shoulders follow from names, tree and rest offsets.
 
         Where a rig is unknown, feet, hips and shoulders point at the root: such a motion can be read, converted and
         drawn, but `retarget` refuses it, naming the roles it misses.
@@ -90,7 +90,7 @@ class Skeleton:
             parents: (J,) parent indices, -1 for the root.
             offsets: (J, 3) rest offsets, metres.
         """
-        roles = find_roles(tuple(joints))
+        roles = roles_of(tuple(joints), parents, offsets)
 
         def at(role: str, otherwise: int = 0) -> int:
             """Index of the joint in a role."""
@@ -113,7 +113,7 @@ class Skeleton:
     @cached_property
     def roles(self) -> dict[str, int]:
         """Joint index by role (``pelvis``, ``left_wrist``, ``head``, ...: the SMPL joint names), where known."""
-        return find_roles(self.joints)
+        return roles_of(self.joints, self.parents, self.offsets)
 
     @cached_property
     def bone_lengths(self) -> np.ndarray:

@@ -11,6 +11,7 @@ import pytest
 
 from motionary.errors import InputError
 from motionary.formats import read_motion, write_motion
+from motionary.formats.read import read_motion_with
 from motionary.motion import Motion, Skeleton, fit_rotations, foot_contacts
 
 
@@ -62,10 +63,13 @@ def test_npy_of_known_layouts(tmp_path, kind, joints, name):
 
 @pytest.mark.real
 def test_released_sample(shared_data):
+    """The features are those of the joints: the same poses, from the origin on and one frame shorter."""
     folder = shared_data / "humanml3d_sample"
-    assert read_motion(folder / "new_joints" / "012314.npy").skeleton.name == "smpl22"
-    with pytest.raises(InputError, match="feature vectors"):
-        read_motion(folder / "new_joint_vecs" / "012314.npy")
+    joints = read_motion(folder / "new_joints" / "012314.npy")
+    decoded = read_motion(folder / "new_joint_vecs" / "012314.npy")
+    assert joints.skeleton.name == decoded.skeleton.name == "smpl22"
+    frames = min(joints.frames, decoded.frames)
+    np.testing.assert_allclose(decoded.positions[:frames], joints.positions[:frames], atol=5e-3)
 
 
 def test_another_skeleton_must_be_given(tmp_path):
@@ -76,6 +80,61 @@ def test_another_skeleton_must_be_given(tmp_path):
     assert read_motion(tmp_path / "a.npy", skeleton=skeleton).skeleton == skeleton
     with pytest.raises(InputError, match=r"a\.npy, positions"):
         read_motion(tmp_path / "a.npy", skeleton=Skeleton.named("smpl22"))
+
+
+@pytest.mark.parametrize("shape", ["batch", "joints first", "joints first in a batch", "smpl24", "smplh"])
+def test_shapes_that_programs_write(tmp_path, motion, shape):
+    """(1, T, 22, 3), (22, 3, T), (1, 22, 3, T), and SMPL's 24 or SMPL-H's 52 joints, of which the body is kept."""
+    body = motion.positions
+    hands = body[:, [20] * 15 + [21] * 15] + 0.01
+    array = {
+        "batch": body[None],
+        "joints first": body.transpose(1, 2, 0),
+        "joints first in a batch": body.transpose(1, 2, 0)[None],
+        "smpl24": np.concatenate([body, hands[:, [0, 15]]], axis=1),
+        "smplh": np.concatenate([body, hands], axis=1),
+    }[shape]
+    np.save(tmp_path / "a.npy", array)
+    again = read_motion(tmp_path / "a.npy")
+    assert again.skeleton == Skeleton.named("smpl22")
+    np.testing.assert_array_equal(again.positions, body)
+
+
+@pytest.mark.parametrize(("width", "rate"), [(72, "mocap_framerate"), (156, "mocap_frame_rate"), (165, "fps")])
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_smpl_poses(tmp_path, width, rate, up):
+    """A person with a bent left knee walks ahead at 1 m/s: joints in closed form, and rotations that place them."""
+    from motionary.motion import forward_kinematics
+
+    frames, ahead = 30, np.arange(30) / 60
+    poses = np.zeros((frames, width))
+    poses[:, 3 * 4] = np.pi / 2  # the left knee about x: the shin points back
+    poses[:, -3:] = 1.0  # a hand or a face, which is left aside
+    trans = np.stack([0 * ahead, 0.2233 + 0.87 + 0 * ahead, ahead], -1)
+    if up == "z":
+        poses[:, 0] = np.pi / 2
+        trans = np.stack([0 * ahead, -ahead, 0.2233 + 0.87 + 0 * ahead], -1)
+    poses[:, -3:] *= width > 72
+    np.savez(tmp_path / "a.npz", poses=poses, trans=trans, betas=np.zeros(16), **{rate: 60.0})
+    motion, reading = read_motion_with(tmp_path / "a.npz")
+    assert (motion.fps, reading.up) == (60, up)
+    at = {name: motion.positions[:, i] for i, name in enumerate(motion.skeleton.joints)}
+    np.testing.assert_allclose(at["pelvis"][-1] - at["pelvis"][0], [0, 0, 29 / 60], atol=1e-5)
+    shin = at["left_ankle"] - at["left_knee"]
+    np.testing.assert_allclose(shin[0], [-0.0148, 0.0374, -0.4269], atol=1e-3)
+    np.testing.assert_allclose((at["right_ankle"] - at["right_knee"])[0], [0.0191, -0.42, -0.0346], atol=1e-3)
+    placed = forward_kinematics(motion.skeleton, motion.rotations, motion.positions[:, 0])
+    np.testing.assert_allclose(placed, motion.positions, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"poses": np.zeros((5, 70))}, {"trans": np.zeros((4, 3))}, {"trans": np.full((5, 3), np.nan)}, {"fps": "x"}],
+)
+def test_wrong_smpl_poses_are_named(tmp_path, change):
+    np.savez(tmp_path / "a.npz", **{"poses": np.zeros((5, 72)), "trans": np.zeros((5, 3)), "fps": 30.0} | change)
+    with pytest.raises(InputError, match=r"a\.npz"):
+        read_motion(tmp_path / "a.npz")
 
 
 class Evil:
@@ -105,6 +164,8 @@ def broken(tmp_path, kind):
         "npy nan": np.full((5, 22, 3), np.nan),
         "npy inf": np.full((5, 22, 3), np.inf),
         "npy empty": np.zeros((0, 22, 3)),
+        "npy normalised": np.random.default_rng(0).normal(size=(9, 263)) - 1,
+        "npy batch": np.zeros((3, 5, 22, 3)),
         "npy wide": np.zeros((5, 22, 4)),
         "npy flat": np.zeros(66),
         "npy words": np.full((5, 22, 3), "x"),
@@ -137,7 +198,18 @@ def broken(tmp_path, kind):
     return path
 
 
-KINDS = ["npy nan", "npy inf", "npy empty", "npy wide", "npy flat", "npy words", "npy truncated", "npy text"]
+KINDS = [
+    "npy normalised",
+    "npy batch",
+    "npy nan",
+    "npy inf",
+    "npy empty",
+    "npy wide",
+    "npy flat",
+    "npy words",
+    "npy truncated",
+    "npy text",
+]
 KINDS += ["npy nothing", "npz other keys", "npz fps word", "npz fps zero", "npz skeleton text", "npz skeleton list"]
 KINDS += ["npz rotations", "npz truncated", "npz damaged", "npz text"]
 

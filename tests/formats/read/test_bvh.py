@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from motionary.errors import InputError
-from motionary.formats.read.bvh import read_bvh
-from motionary.formats.tracks import UNITS
+from motionary.formats.measure import UNITS
+from motionary.formats.read.bvh import bvh_with, read_bvh
+from motionary.formats.read.options import ReadingOptions
 from motionary.formats.write.bvh_writer import write_bvh
 from motionary.motion import Motion, Skeleton
 
@@ -257,7 +258,6 @@ BROKEN = {
     "frame time": ("Frame Time: 0.04", "Frame Time: 0", "above 0"),
     "frame time gone": ("Frame Time: 0.04\n", "", "Frame Time"),
     "fewer frames": ("Frames: 2", "Frames: 3", "truncated"),
-    "more frames": ("Frames: 2", "Frames: 1", "2 frames"),
     "short row": ("0 90 5 0 0 0 0 90 0", "0 90 5 0", "line 14"),
     "cut in a number row": ("5 0 0 0 0 90 0\n", "5 0 0 0 0", "frame 2 must hold 9"),
     "not a number": ("0 90 5", "0 9o 5", "line 14"),
@@ -279,6 +279,17 @@ def test_broken_files_name_file_line_and_rule(tmp_path, kind):
     assert "\n" not in str(caught.value)
 
 
+def test_more_frames_than_said_are_read_and_said(tmp_path):
+    path = tmp_path / "a.bvh"
+    path.write_text(SMALL.replace("Frames: 2", "Frames: 1"))
+    motion, reading = bvh_with(path, ReadingOptions(unit="cm"))
+    assert motion.frames == 2
+    assert any("says 1, the file holds 2" in note for note in reading.notes)
+    path.write_text(SMALL.replace("Frames: 2", "Frames: 1") + "1 2 3\n")
+    with pytest.raises(InputError, match="frame 3 must hold 9"):
+        read_bvh(path)
+
+
 def test_bytes_that_are_no_text(tmp_path):
     path = tmp_path / "broken.bvh"
     path.write_bytes(bytes(range(256)) * 4)
@@ -289,7 +300,7 @@ def test_bytes_that_are_no_text(tmp_path):
 def test_options_are_checked(tmp_path):
     path = tmp_path / "a.bvh"
     path.write_text(SMALL)
-    for options in ({"unit": "mile"}, {"unit": -1.0}, {"up": "x"}, {"fps": -5.0}):
+    for options in ({"unit": "mile"}, {"unit": -1.0}, {"up": "w"}, {"fps": -5.0}):
         with pytest.raises(InputError):
             read_bvh(path, **options)
     with pytest.raises(InputError, match="unit"):

@@ -3,32 +3,42 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from motionary.errors import InputWarning
 from motionary.formats.dispatch import function_of, given
-from motionary.motion import Motion, name_joints
+from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.motion import Motion
 
 READERS = {
-    ".bvh": "motionary.formats.read.bvh:read_bvh",
-    ".amc": "motionary.formats.read.acclaim:read_amc",
-    ".npy": "motionary.formats.read.arrays:read_npy",
-    ".npz": "motionary.formats.read.arrays:read_npz",
+    ".bvh": "motionary.formats.read.bvh:bvh_with",
+    ".amc": "motionary.formats.read.acclaim:amc_with",
+    ".npy": "motionary.formats.read.arrays:npy_with",
+    ".npz": "motionary.formats.read.arrays:npz_with",
 }
+_FORMAT_OPTIONS = ("fps", "skeleton", "asf")
+
+__all__ = ["READERS", "Reading", "ReadingOptions", "read_motion", "read_motion_warning", "read_motion_with"]
 
 
 def read_motion(
-    path: str | os.PathLike, mapping: Path | str | Mapping[str, str] | None = None, **options: Any
+    path: str | os.PathLike, mapping: Path | str | Mapping[str, Any] | None = None, **options: Any
 ) -> Motion:
     """Read a motion file by its extension: .bvh, .amc (with its .asf), .npy, .npz.
 
+    Which axis points up, how long a unit is and whether left and right are swapped is measured on the whole file. Where
+    the evidence is thin or contradicts itself, one `InputWarning` says what was taken and how to say otherwise.
+
     Args:
         path: the file.
-        mapping: for a rig that is not known, its joint's name by role (a dict or a JSON file): see
-            :func:`motionary.motion.name_joints`.
-        options: for that format; ``fps`` for all, ``skeleton`` for arrays, ``unit``, ``up`` and ``skip_first`` for BVH
-            and AMC, ``asf`` for AMC. None means not given.
+        mapping: the joint's name by role, for a rig that is not known (a dict or a JSON file); it may hold the keys
+            ``up``, ``unit``, ``mirror`` and ``skip_first`` too. See :func:`motionary.motion.name_joints`.
+        options: ``up``, ``unit``, ``mirror`` and ``skip_first`` (see `ReadingOptions`) and ``fps`` for all formats,
+            ``skeleton`` for arrays, ``asf`` for AMC. None means not given.
 
     Returns:
         The motion in metres, y up.
@@ -36,8 +46,35 @@ def read_motion(
     Raises:
         InputError: unknown extension, or a file that breaks a rule: file, value and rule in one line.
     """
+    return read_motion_warning(path, mapping, **options)[0]
+
+
+def read_motion_warning(
+    path: str | os.PathLike, mapping: Path | str | Mapping[str, Any] | None = None, **options: Any
+) -> tuple[Motion, Reading]:
+    """`read_motion`, and how the file was read."""
+    motion, reading = read_motion_with(path, mapping, **options)
+    if reading.notes:
+        warnings.warn(InputWarning(f"{path}: {'; '.join(reading.notes)}"), stacklevel=3)
+    return motion, reading
+
+
+def read_motion_with(
+    path: str | os.PathLike,
+    mapping: Path | str | Mapping[str, Any] | ReadingOptions | None = None,
+    **options: Any,
+) -> tuple[Motion, Reading]:
+    """`read_motion`, and how the file was read; it warns of nothing (see `Reading.notes`), and `mapping` may be the
+    options."""
     reader = function_of(path, READERS, "read")
-    motion = reader(path, **given(reader, path, options))
-    if mapping is None:
-        return motion
-    return name_joints(motion, mapping)
+    said = {key: value for key, value in options.items() if key not in _FORMAT_OPTIONS and value is not None}
+    known = ReadingOptions.__dataclass_fields__
+    if unknown := {key: value for key, value in said.items() if key not in known}:
+        given(reader, path, unknown)  # which refuses them
+    how = ReadingOptions(**said)
+    if mapping is not None:
+        how = how.over(mapping if isinstance(mapping, ReadingOptions) else ReadingOptions.from_mapping(mapping))
+    extra = given(reader, path, {key: value for key, value in options.items() if key in _FORMAT_OPTIONS})
+    motion, reading = reader(path, options=how, **extra)
+    told = tuple(dict.fromkeys((*reading.told, *(["mapping"] if how.mapping else []))))
+    return motion, replace(reading, told=told)

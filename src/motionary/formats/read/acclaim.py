@@ -10,12 +10,14 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import read_text
-from motionary.formats.tracks import CMU_UNIT, Track, to_motion
+from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.tracks import Track, to_motion
 from motionary.motion import Motion
 from motionary.motion.rotations import euler_to_unitquat, quat_conjugation, quat_product
 
@@ -51,35 +53,40 @@ class Rig:
 
 
 def read_amc(
+    path: str | os.PathLike, asf: str | os.PathLike | None = None, fps: float = _CMU_FPS, **options: Any
+) -> Motion:
+    """The motion of `amc_with`; options are those of `ReadingOptions`."""
+    return amc_with(path, ReadingOptions(**options), asf, fps)[0]
+
+
+def amc_with(
     path: str | os.PathLike,
+    options: ReadingOptions | None = None,
     asf: str | os.PathLike | None = None,
     fps: float = _CMU_FPS,
-    unit: str | float | None = None,
-    up: str | None = None,
-    skip_first: bool | None = None,
-) -> Motion:
-    """Read an AMC file with the skeleton of its ASF file.
+) -> tuple[Motion, Reading]:
+    """Read an AMC file with the skeleton of its ASF file; and how it was read.
 
     Joints carry the names of the bones that start in them; where a chain ends, ``<bone>_end`` follows.
 
     Args:
         path: the .amc file.
+        options: what the user knows of the file; without a unit it is 0.0254 / 0.45 m where the ASF's length unit is
+            0.45 (CMU), else measured.
         asf: the .asf file; None takes ``<stem>.asf``, ``<subject>.asf`` (02_01.amc: 02.asf) or the folder's only one.
         fps: frames per second, 120 at CMU; the file does not say.
-        unit: metres per unit; None: 0.0254 / 0.45 where the ASF's length unit is 0.45 (CMU), else by the legs' length.
-        up, skip_first: see `read_bvh`.
 
     Raises:
         InputError: a missing ASF, an unknown bone, a wrong count or value: file, line and rule.
     """
-    path = Path(path)
+    path, options = Path(path), options or ReadingOptions()
     text = read_text(path)
     rig_path = _find_asf(path) if asf is None else Path(asf)
     rig = parse_asf(read_text(rig_path), rig_path)
     track = _track(rig, *_parse_amc(text, rig, path))
-    if unit is None and abs(rig.length - 0.45) < 1e-6:
-        unit = CMU_UNIT
-    return to_motion(track, fps, path, unit, up, skip_first)
+    if abs(rig.length - 0.45) < 1e-6:
+        options = options.over(ReadingOptions(unit="cmu"))
+    return to_motion(track, fps, path, options)
 
 
 def _find_asf(path: Path) -> Path:
@@ -128,7 +135,9 @@ def parse_asf(text: str, name: object) -> Rig:
 
 def _unit(rig: Rig, words: list[str]) -> None:
     if words[0] == "length":
-        rig.length = float(words[1])
+        rig.length = float(_numbers(words[1:2], 1)[0])
+        if rig.length <= 0:
+            raise InputError("length", words[1], "must be above 0")
     elif words[0] == "angle":
         rig.degrees = words[1].lower().startswith("deg")
 

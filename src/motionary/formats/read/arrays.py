@@ -5,29 +5,51 @@ from __future__ import annotations
 import json
 import os
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import readable
-from motionary.motion import Motion, Skeleton
+from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.read.settle import settle, with_roles
+from motionary.formats.read.smpl import SMPL_KEYS, smpl_motion
+from motionary.motion import Motion, Skeleton, name_joints
 
-_BARE = {22: "smpl22", 21: "kit21"}  # bare arrays carry no joint names: these two counts are known layouts
+# Bare arrays carry no joint names: these counts are known layouts. SMPL's 24 and SMPL-H's 52 begin with the body's 22.
+_BARE = {22: "smpl22", 24: "smpl22", 52: "smpl22", 21: "kit21"}
+_FEATURES = {263: ("smpl22", 20.0), 251: ("kit21", 12.5)}
+_LOWEST, _HIGHEST = 0.05, 2000.0  # root heights of raw features, in metres or (KIT-ML) millimetres
 _DEFAULT_FPS = 20.0  # HumanML3D's rate, at which bare joint arrays are usually stored
+_OURS = ReadingOptions(up="y", unit=1.0, mirror=False)
+# Bare arrays are nearly always in metres and y up, HumanML3D's way.
+_USUAL = {
+    "up": {"y": 1.5, "z": 0.5},
+    "unit": {"m": 1.0, "mm": 0.0, "cm": 0.0, "dm": -2.0, "in": -1.5, "ft": -3.0, "cmu": -4.0},
+}
 _MOST_BYTES = 2**31
 
 
-def read_npy(path: str | os.PathLike, fps: float | None = None, skeleton: Skeleton | None = None) -> Motion:
-    """Read joint positions (T, J, 3) in metres, y up, of any float type.
+def npy_with(
+    path: str | os.PathLike,
+    options: ReadingOptions | None = None,
+    fps: float | None = None,
+    skeleton: Skeleton | None = None,
+) -> tuple[Motion, Reading]:
+    """Read joint positions (T, J, 3) of any float type, or HumanML3D features (T, 263), KIT-ML's (T, 251).
+
+    A batch of one (1, T, J, 3) and the order (J, 3, T) are read too; of SMPL's 24 joints and SMPL-H's 52 the first 22,
+    the body, are kept.
 
     Args:
         path: the .npy file.
-        fps: frames per second; 20 where not given.
-        skeleton: needed unless J is 22 (SMPL order) or 21 (KIT order).
+        options: what the user knows of the file.
+        fps: frames per second; 20 where not given (KIT-ML features: 12.5).
+        skeleton: needed unless J is 22, 24 or 52 (SMPL order) or 21 (KIT order).
 
     Raises:
-        InputError: not such an array; feature vectors (T, 263) are refused, they are not joints.
+        InputError: not such an array.
     """
     path = readable(path)
     try:
@@ -35,63 +57,151 @@ def read_npy(path: str | os.PathLike, fps: float | None = None, skeleton: Skelet
             array = np.lib.format.read_array(file, allow_pickle=False)
     except (ValueError, OSError, EOFError, MemoryError) as error:
         raise _unreadable(path, error) from None
-    return _motion(path, array, fps, skeleton)
+    options = options or ReadingOptions()
+    array = _unpacked(path, array, skeleton)
+    if array.ndim == 2:
+        return _decoded(path, array, fps, options)
+    return _motion(path, array, fps, skeleton, options)
 
 
-def read_npz(path: str | os.PathLike, fps: float | None = None, skeleton: Skeleton | None = None) -> Motion:
-    """Read what `write_npz` wrote: positions, and where present rotations, fps and skeleton.
+def npz_with(
+    path: str | os.PathLike,
+    options: ReadingOptions | None = None,
+    fps: float | None = None,
+    skeleton: Skeleton | None = None,
+) -> tuple[Motion, Reading]:
+    """Read what `write_npz` wrote (positions, and where present rotations, fps and skeleton), or AMASS's SMPL poses.
+
+    A file with a skeleton of ours is in metres, y up, and is not measured.
 
     Args:
         path: the .npz file.
+        options: what the user knows of the file.
         fps: overrides the file's own rate.
         skeleton: overrides the file's own skeleton.
 
     Raises:
-        InputError: no positions in it, damaged, pickled objects, or more than 2 GB when unpacked.
+        InputError: no positions nor poses in it, damaged, pickled objects, or more than 2 GB when unpacked.
     """
-    path = readable(path)
+    path, options = readable(path), options or ReadingOptions()
+    arrays = _arrays(path)
+    if "positions" not in arrays:
+        return smpl_motion(path, arrays, fps, options)
+    if fps is None and "fps" in arrays:
+        fps = _number(path, arrays["fps"])
+    if skeleton is None and "skeleton" in arrays:
+        skeleton = _skeleton(path, arrays["skeleton"])
+        options = options.over(_OURS)
+    positions = _unpacked(path, arrays["positions"], skeleton)
+    if positions.ndim != 3:
+        raise _shape_error(path, positions)
+    return _motion(path, positions, fps, skeleton, options, arrays.get("rotations"))
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    """The arrays that are looked at; either positions or poses are among them."""
     try:
         with zipfile.ZipFile(path) as archive:
             if sum(entry.file_size for entry in archive.infolist()) > _MOST_BYTES:
                 raise InputError(path, "over 2 GB unpacked", "too large for one motion")
         with np.load(path, allow_pickle=False) as data:
-            if "positions" not in data.files:
-                raise InputError(path, f"holds {', '.join(data.files) or 'nothing'}", "must hold 'positions' (T, J, 3)")
-            arrays = {key: data[key] for key in ("positions", "rotations", "fps", "skeleton") if key in data.files}
+            names = data.files
+            if "positions" not in names and not {"poses", "trans"} <= set(names):
+                rule = "must hold 'positions' (T, J, 3), or SMPL's 'poses' and 'trans' as AMASS does"
+                raise InputError(path, f"holds {', '.join(names) or 'nothing'}", rule)
+            wanted = ("positions", "rotations", "fps", "skeleton") if "positions" in names else SMPL_KEYS
+            return {key: data[key] for key in wanted if key in names}
     except (ValueError, OSError, EOFError, MemoryError, KeyError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
         if isinstance(error, InputError):
             raise
         raise _unreadable(path, error) from None
-    if fps is None and "fps" in arrays:
-        fps = _number(path, arrays["fps"])
-    if skeleton is None and "skeleton" in arrays:
-        skeleton = _skeleton(path, arrays["skeleton"])
-    return _motion(path, arrays["positions"], fps, skeleton, arrays.get("rotations"))
+
+
+def _unpacked(path: Path, array: np.ndarray, skeleton: Skeleton | None) -> np.ndarray:
+    """(T, J, 3) or (T, D) of the shapes that programs write."""
+    if array.dtype.kind not in "fiu":
+        raise _shape_error(path, array)
+    if array.ndim == 4 and array.shape[-1] != 3 and array.shape[-2] == 3:
+        array = array.transpose(0, 3, 1, 2)  # (B, J, 3, T)
+    if array.ndim in (3, 4) and array.shape[0] == 1 and (array.ndim == 4 or array.shape[-1] in _FEATURES):
+        array = array[0]
+    if array.ndim == 4:
+        rule = "holds several motions: save one a file, as (T, J, 3)"
+        raise InputError(path, f"{array.dtype} {array.shape}", rule)
+    counts = {*_BARE, *([] if skeleton is None else [len(skeleton)])}
+    if array.ndim == 3 and array.shape[1] == 3 and array.shape[0] in counts and array.shape[1:] != (3, 3):
+        array = array.transpose(2, 0, 1)  # (J, 3, T)
+    good = array.shape[-1] == 3 if array.ndim == 3 else array.ndim == 2 and array.shape[-1] in _FEATURES
+    if not good or array.size == 0:
+        raise _shape_error(path, array)
+    return array
+
+
+def _shape_error(path: Path, array: np.ndarray) -> InputError:
+    rule = "must be joint positions (T, J, 3), or features (T, 263) or (T, 251)"
+    return InputError(path, f"{array.dtype} {array.shape}", rule)
+
+
+def _decoded(path: Path, array: np.ndarray, fps: float | None, options: ReadingOptions) -> tuple[Motion, Reading]:
+    """The motion of raw HumanML3D features: metres, y up, by their definition."""
+    from motionary.features import HumanML3D
+
+    name, usual_fps = _FEATURES[array.shape[-1]]
+    height = float(np.median(array[:, 3]))
+    if not np.isfinite(array).all() or not _LOWEST < height < _HIGHEST:
+        rule = f"features must be raw, with the root {_LOWEST:g} to {_HIGHEST:g} m high (mm in KIT-ML); "
+        raise InputError(path, f"root height {height:.3g}", rule + "normalised ones need x * Std + Mean first")
+    motion = HumanML3D(Skeleton.named(name)).decode(array.astype(np.float32), fps=usual_fps if fps is None else fps)
+    told = ReadingOptions(up="y", mirror=False)  # by their definition; KIT-ML's are in millimetres
+    return _motion(path, motion.positions, motion.fps, motion.skeleton, options.over(told))
 
 
 def _motion(
-    path: Path, positions: np.ndarray, fps: float | None, skeleton: Skeleton | None, rotations: np.ndarray | None = None
-) -> Motion:
-    if positions.ndim != 3 or positions.shape[-1] != 3 or positions.dtype.kind not in "fiu":
-        rule = "must be joint positions (T, J, 3)"
-        if positions.ndim == 2:
-            rule += "; feature vectors are decoded by motionary.features, not read as joints"
-        raise InputError(path, f"{positions.dtype} {positions.shape}", rule)
+    path: Path,
+    positions: np.ndarray,
+    fps: float | None,
+    skeleton: Skeleton | None,
+    options: ReadingOptions,
+    rotations: np.ndarray | None = None,
+) -> tuple[Motion, Reading]:
     if skeleton is None:
         known = _BARE.get(positions.shape[1])
         if known is None:
-            rule = "a bare array must have 22 (smpl22) or 21 (kit21) joints; otherwise give skeleton="
+            rule = "a bare array must have 22, 24 or 52 (SMPL) or 21 (kit21) joints; otherwise give skeleton="
             raise InputError(path, f"{positions.shape[1]} joints", rule)
         skeleton = Skeleton.named(known)
+        positions = positions[:, : len(skeleton)]
+    if skeleton.codec_swaps_sides:
+        options = options.over(ReadingOptions(mirror=False))  # its released joints live in a mirrored world
+    fps = _DEFAULT_FPS if fps is None else fps
     try:
-        return Motion(
-            positions=np.asarray(positions, np.float32),
-            fps=_DEFAULT_FPS if fps is None else fps,
-            skeleton=skeleton,
-            rotations=None if rotations is None else np.asarray(rotations, np.float32),
-        )
+        motion = Motion(np.asarray(positions, np.float32), fps, skeleton, rotations)
+        if options.mapping is not None:
+            motion = name_joints(motion, options.mapping)
+        return settled_motion(motion, options, _USUAL)
     except InputError as error:
         raise InputError(f"{path}, {error.what}", error.value, error.rule) from None
+
+
+def settled_motion(
+    motion: Motion, options: ReadingOptions, usual: dict[str, dict[str, float]]
+) -> tuple[Motion, Reading]:
+    """A motion whose positions and rotations are a file's, in metres, y up; and how it was read.
+
+    Its skeleton is a known one and keeps its rest pose: only the world is turned, scaled and mirrored.
+    """
+    settled = settle(motion.positions, dict(motion.skeleton.roles), motion.fps, options, usual=usual)
+    reading = settled.reading
+    source = "mapping" if options.mapping is not None else "names" if motion.skeleton.roles else "unknown"
+    settled = with_roles(settled, source, [])
+    positions, rotations = motion.positions, motion.rotations
+    if (reading.up, reading.unit, reading.mirrored) != ("y", 1.0, False):
+        positions = settled.points(positions.astype(np.float64)).astype(np.float32)
+        rotations = None  # they belong to the axes and the rest pose that they were written with
+    if options.skip_first and len(positions) > 1:
+        positions, rotations = positions[1:], None if rotations is None else rotations[1:]
+    reading = replace(settled.reading, skipped_first=bool(options.skip_first))
+    return Motion(positions, motion.fps, motion.skeleton, rotations), reading
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:

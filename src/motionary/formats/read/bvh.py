@@ -3,45 +3,57 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from motionary.errors import InputError
 from motionary.files import read_text
 from motionary.formats.bvh_text import RawBVH, parse
+from motionary.formats.read.options import Reading, ReadingOptions
 from motionary.formats.tracks import Track, to_motion
 from motionary.motion import Motion
 from motionary.motion.rotations import euler_to_unitquat
 
+_LONGEST_FRAME = 2.0  # s; slower than that is no recording of motion, but a rate in another unit
 
-def read_bvh(
-    path: str | os.PathLike,
-    unit: str | float | None = None,
-    up: str | None = None,
-    skip_first: bool | None = None,
-    fps: float | None = None,
-) -> Motion:
-    """Read a BVH file: any channel order, rotation and position channels on any joint, end sites.
+
+def read_bvh(path: str | os.PathLike, fps: float | None = None, **options: Any) -> Motion:
+    """The motion of `bvh_with`; options are those of `ReadingOptions`."""
+    return bvh_with(path, ReadingOptions(**options), fps)[0]
+
+
+def bvh_with(
+    path: str | os.PathLike, options: ReadingOptions | None = None, fps: float | None = None
+) -> tuple[Motion, Reading]:
+    """Read a BVH file: any channel order, rotation and position channels on any joint, end sites; and how it was read.
 
     Every joint stays, helpers and fingers too; end sites that have a length become joints named ``<parent>_end``.
-    Position channels replace a joint's OFFSET. Rotations are the file's own; where a joint other than the root also
-    moves, positions are true and rotations alone do not reproduce them.
+    Position channels replace a joint's OFFSET, unless they are zero through the whole file. Rotations are the file's
+    own; where a joint other than the root also moves, positions are true and rotations alone do not reproduce them.
 
     Args:
         path: the file.
-        unit: metres per unit or "m", "cm", "mm", "in", "cmu"; None finds it by the length of the legs.
-        up: "y" or "z"; None finds it.
-        skip_first: drop the first frame; None drops it where it is a T-pose from which the motion jumps away.
+        options: what the user knows of the file.
         fps: overrides the file's frame time.
 
     Raises:
         InputError: unreadable, truncated, wrong counts, or numbers that are not finite: file, line and rule.
     """
     raw = parse(read_text(path), path)
-    return to_motion(_track(raw), _rate(raw.frame_time) if fps is None else fps, path, unit, up, skip_first)
+    rate = _rate(raw.frame_time, path) if fps is None else fps
+    motion, reading = to_motion(_track(raw), rate, path, options or ReadingOptions())
+    return motion, replace(reading, notes=(*raw.notes, *reading.notes))
 
 
-def _rate(frame_time: float) -> float:
+def _rate(frame_time: float, file: object) -> float:
     """Frames per second; a whole number where the file's rounded frame time means one (.0083333 is 120)."""
+    if frame_time > _LONGEST_FRAME:
+        rule = f"must be seconds per frame, at most {_LONGEST_FRAME:g}"
+        if frame_time < 1100:
+            rule += f" (milliseconds? then say fps={1000 / frame_time:.4g}, --fps)"
+        raise InputError(f"{file}, Frame Time", f"{frame_time:g}", rule)
     fps = 1 / frame_time
     return float(round(fps)) if round(fps) and abs(fps / round(fps) - 1) < 5e-4 else fps
 
@@ -60,9 +72,10 @@ def _track(raw: RawBVH) -> Track:
         translations[:, i] = node.offset or (0.0, 0.0, 0.0)
         values = raw.values[:, first[old] : first[old + 1]]
         turns = [c for c, (kind, _) in enumerate(node.channels) if kind == "rotation"]
-        for c, (kind, axis) in enumerate(node.channels):
-            if kind == "position":
-                translations[:, i, axis] = values[:, c]
+        places = [c for c, (kind, _) in enumerate(node.channels) if kind == "position"]
+        # Some programs declare position channels and never fill them; the OFFSET is then where the joint is.
+        if i == 0 or np.any(values[:, places]):
+            translations[:, i, [node.channels[c][1] for c in places]] = values[:, places]
         if turns:
             rotations[:, i] = euler_to_unitquat([node.channels[c][1] for c in turns], np.radians(values[:, turns]))
     parents = tuple(new[raw.nodes[old].parent] for old in kept)

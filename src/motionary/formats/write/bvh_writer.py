@@ -42,7 +42,9 @@ def write_bvh(motion: Motion, path: str | os.PathLike, unit: float = 0.01, force
     columns: list[list[np.ndarray]] = []
     angles = np.degrees(unitquat_to_euler_zxy(local.rotations))
     for j, (name, parent) in enumerate(zip(skeleton.joints, skeleton.parents, strict=True)):
-        end = name.endswith("_end") and j not in inner and not local.moving[j]
+        # What was read from an End Site becomes one again; a joint of such a name that turns stays a joint.
+        end = parent >= 0 and name == f"{skeleton.joints[parent]}_end" and j not in inner and not local.moving[j]
+        end = end and bool(np.any(skeleton.offsets[j])) and np.abs(local.rotations[:, j, :3]).max() < 1e-6
         node = Node(name, parent, end, tuple(float(x) for x in skeleton.offsets[j] / unit))
         columns.append([])
         if local.moving[j]:

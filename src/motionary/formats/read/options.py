@@ -1,0 +1,142 @@
+"""How a file is to be read where its owner knows better than it tells, and how it was read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motionary.errors import InputError
+from motionary.formats.measure import AXES, UNITS
+from motionary.motion.roles import READING_KEYS, FileMapping, checked_mapping, load_mapping
+
+_SWITCHES = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """What the user says about a file; None is measured.
+
+    Attributes:
+        up: the file's axis that points up: "y", "z", "x", "-y", "-z" or "-x".
+        unit: metres per unit, or a key of `motionary.formats.measure.UNITS` ("m", "cm", "mm", "dm", "in", "ft", "cmu").
+        mirror: reflect left and right, as a file of a left-handed world needs.
+        skip_first: drop the first frame, a calibration pose.
+        mapping: joint name by role, for rigs that are not known.
+
+    Raises:
+        InputError: an option has no such value.
+    """
+
+    up: str | None = None
+    unit: str | float | None = None
+    mirror: bool | None = None
+    skip_first: bool | None = None
+    mapping: Mapping[str, str] | None = field(default=None, hash=False)
+
+    def __post_init__(self):
+        if self.up is not None:
+            up = str(self.up).lower().replace("+", "")
+            if up not in AXES:
+                raise InputError("up", self.up, f"must be one of {', '.join(AXES)} (None: measured)")
+            object.__setattr__(self, "up", up)
+        if self.unit is not None and not self.scale > 0:
+            raise InputError("unit", self.unit, f"must be metres per unit, above 0, or one of {', '.join(UNITS)}")
+        for name in ("mirror", "skip_first"):
+            value = getattr(self, name)
+            value = _SWITCHES.get(value.lower(), value) if isinstance(value, str) else value
+            if value not in (None, True, False):
+                raise InputError(name, value, "must be true or false (None: measured)")
+            object.__setattr__(self, name, None if value is None else bool(value))
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit; not above 0 where the unit is wrong."""
+        if isinstance(self.unit, str) and self.unit.lower() in UNITS:
+            return UNITS[self.unit.lower()]
+        try:
+            scale = float(self.unit)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            return 0.0
+        return scale if np.isfinite(scale) else 0.0
+
+    @staticmethod
+    def from_mapping(given: Path | str | Mapping[str, Any]) -> ReadingOptions:
+        """The options of a mapping (a JSON file or a dict): joint names by role, and `READING_KEYS` beside them.
+
+        Raises:
+            InputError: an unreadable file, an unknown key or a wrong value; the file is named.
+        """
+        values = load_mapping(given)
+        roles, named = FileMapping(checked_mapping(given)), "" if isinstance(given, Mapping) else str(given)
+        roles.where = named or "mapping"
+        told = {key: values[key] for key in READING_KEYS if key in values}
+        return ReadingOptions.told_at(named, mapping=roles or None, **told)
+
+    @staticmethod
+    def told_at(where: str, **values: Any) -> ReadingOptions:
+        """The options of some place, which complaints name."""
+        try:
+            return ReadingOptions(**values)
+        except InputError as error:
+            raise InputError(f"{where}: {error.what}" if where else error.what, error.value, error.rule) from None
+
+    def over(self, other: ReadingOptions | None) -> ReadingOptions:
+        """These, and the other's where these say nothing."""
+        if other is None:
+            return self
+        return replace(other, **{f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None})
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a motion was read.
+
+    Attributes:
+        up: the file's axis that became y.
+        unit: metres per unit of the file.
+        mirrored: whether left and right were reflected.
+        skipped_first: whether the first frame was left out as a calibration pose.
+        roles: where the joints' roles come from: "names", "tree", "mapping", or "unknown".
+        told: which of these the user gave.
+        probability: of what was measured, 0 to 1 by option.
+        notes: lines about thin or contradicting evidence, each with how to say otherwise.
+    """
+
+    up: str = "y"
+    unit: float = 1.0
+    mirrored: bool = False
+    skipped_first: bool = False
+    roles: str = "names"
+    told: tuple[str, ...] = ()
+    probability: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def line(self) -> str:
+        """All of it in one line, for people."""
+
+        def how(option: str) -> str:
+            sure = (
+                "given"
+                if option in self.told
+                else f"{self.probability[option]:.0%}"
+                if option in self.probability
+                else ""
+            )
+            return f" ({sure})" if sure else ""
+
+        parts = [f"up {self.up}{how('up')}", f"unit {self.unit:.4g} m{how('unit')}"]
+        parts.append(f"{'mirrored' if self.mirrored else 'not mirrored'}{how('mirror')}")
+        if self.skipped_first:
+            parts.append(f"first frame left out{how('skip_first')}")
+        return ", ".join([*parts, f"roles by {self.roles}"])
+
+
+def nearest_key(key: str, known: Iterable[str]) -> str:
+    """ "; did you mean 'x'?", or nothing where no known key is near."""
+    near = get_close_matches(key, list(known), 1, 0.6)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -1,0 +1,211 @@
+"""Which way is up, what is left and how long a unit is: people in any posture, as other programs write them."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+
+import numpy as np
+import pytest
+from turned import ONTO, RESTS, SCALES, Case, bvh_text, cases, rest_frames
+
+from motionary.errors import InputError, InputWarning
+from motionary.formats import read_motion
+from motionary.formats.read import read_motion_with
+from motionary.motion import Motion, Skeleton
+from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
+
+SMPL = Skeleton.named("smpl22")
+CLIPS = int(os.environ.get("MOTIONARY_CLIPS", "24"))  # `make measured` takes all 200
+
+
+def turn(axis: int, degrees: float | np.ndarray) -> np.ndarray:
+    """Quaternions about one axis."""
+    half = np.radians(np.asarray(degrees, np.float64)) / 2
+    result = np.zeros((*half.shape, 4))
+    result[..., axis], result[..., 3] = np.sin(half), np.cos(half)
+    return result
+
+
+# Root height (m), tilt of the trunk about x, and bends about x of hips and knees; arms are lowered and swing.
+POSTURES = {
+    "stands": (0.9, 0, 0, 0),
+    "bows": (0.88, 60, -60, 0),
+    "pushes": (0.85, 40, -25, 10),
+    "sits on a chair": (0.5, 0, -90, 90),
+    "sits on the floor": (0.1, 0, -90, 0),
+    "crawls": (0.45, 90, -90, 90),
+    "lies on the back": (0.12, -90, 0, 0),
+    "lies on the belly": (0.12, 90, 0, 0),
+}
+
+
+def person(posture: str, frames: int = 40) -> tuple[np.ndarray, np.ndarray]:
+    """World rotations (T, 22, 4) and root (T, 3) of a person who moves the arms, y up, in metres."""
+    height, tilt, hip, knee = POSTURES[posture]
+    swing = 20 * np.sin(np.linspace(0, 6, frames))
+    local = np.tile([0.0, 0, 0, 1], (frames, 22, 1))
+    local[:, 0] = turn(0, tilt)
+    for joint, name in enumerate(SMPL.joints):
+        side = 1 if name.startswith("left") else -1
+        if name.endswith("hip"):
+            local[:, joint] = turn(0, hip)
+        elif name.endswith("knee"):
+            local[:, joint] = turn(0, knee + 3.0)
+        elif name.endswith("shoulder"):
+            forward = -90 if posture in ("crawls", "pushes") else 0
+            local[:, joint] = quat_product(turn(0, forward + swing * side), turn(2, np.full(frames, -75.0 * side)))
+        elif name.endswith("elbow"):
+            local[:, joint] = turn(1, np.full(frames, -25.0 * side))
+    for joint, parent in enumerate(SMPL.parents[1:], 1):
+        local[:, joint] = quat_product(local[:, parent], local[:, joint])
+    root = np.stack([0.3 + 0.002 * np.arange(frames), np.full(frames, height), 0.4 + 0 * swing], -1)
+    return local, root
+
+
+def points(world: np.ndarray, root: np.ndarray) -> np.ndarray:
+    """(T, 22, 3) joints."""
+    positions = np.zeros((*world.shape[:2], 3))
+    positions[:, 0] = root
+    for joint, parent in enumerate(SMPL.parents[1:], 1):
+        positions[:, joint] = positions[:, parent] + quat_action(world[:, parent], SMPL.offsets[joint].astype(float))
+    return positions
+
+
+def written(world: np.ndarray, root: np.ndarray, up: str, rest: str, scale: float = 100) -> str:
+    """The person as a BVH file with another axis up and another rest pose."""
+    frames = rest_frames(SMPL, rest)
+    offsets = SMPL.offsets.astype(np.float64)
+    for joint, parent in enumerate(SMPL.parents[1:], 1):
+        offsets[joint] = quat_action(quat_conjugation(frames[parent]), offsets[joint])
+    onto = np.broadcast_to(np.array(ONTO[up]), world.shape)
+    world = quat_product(quat_product(onto, world), np.broadcast_to(frames, world.shape))
+    return bvh_text(SMPL, offsets * scale, quat_action(np.array(ONTO[up]), root) * scale, world)
+
+
+@pytest.mark.parametrize("rest", RESTS)
+@pytest.mark.parametrize("posture", POSTURES)
+def test_people_in_any_posture_are_put_upright_as_they_were(tmp_path, posture, rest):
+    world, root = person(posture)
+    for up in ("y", "z", "-y"):
+        path = tmp_path / "a.bvh"
+        path.write_text(written(world, root, up, rest))
+        motion, reading = read_motion_with(path)
+        assert reading.up == up or reading.notes, (up, reading)
+        if posture not in ("lies on the back", "lies on the belly"):
+            assert reading.up == up
+        if reading.up == up:
+            np.testing.assert_allclose(motion.positions, points(world, root), atol=2e-3)
+        told, _ = read_motion_with(path, up=up)
+        np.testing.assert_allclose(told.positions, points(world, root), atol=2e-3)
+
+
+@pytest.mark.parametrize("rest", RESTS)
+def test_rotations_stay_true_when_rest_pose_and_world_turn(tmp_path, rest):
+    """Forward kinematics of what was read is where the joints are, whatever turned."""
+    from motionary.motion import forward_kinematics
+
+    world, root = person("bows")
+    for up in ONTO:
+        path = tmp_path / "a.bvh"
+        path.write_text(written(world, root, up, rest))
+        for mirror in (False, True):
+            motion, _ = read_motion_with(path, up=up, mirror=mirror)
+            assert motion.rotations is not None
+            again = forward_kinematics(motion.skeleton, motion.rotations, motion.positions[:, 0])
+            np.testing.assert_allclose(again, motion.positions, atol=1e-3)
+            expected = points(world, root) * ([-1, 1, 1] if mirror else 1)
+            np.testing.assert_allclose(motion.positions, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("size", [0.6, 0.75, 1.0, 1.15])
+@pytest.mark.parametrize("unit", SCALES)
+def test_children_and_adults_in_any_unit(tmp_path, size, unit):
+    """A child of 1.05 m, one of 1.3 m, and adults; a child in decimetres or inches may be doubted, never in silence."""
+    world, root = person("stands")
+    positions = points(world, root) * size
+    np.save(tmp_path / "a.npy", positions * SCALES[unit])
+    motion, reading = read_motion_with(tmp_path / "a.npy")
+    assert reading.unit == pytest.approx(1 / SCALES[unit])
+    np.testing.assert_allclose(motion.positions, positions, atol=1e-3)
+
+
+def test_a_left_handed_world_is_mirrored_back(tmp_path):
+    world, root = person("sits on a chair")
+    positions = points(world, root)
+    np.save(tmp_path / "a.npy", positions * [-1, 1, 1])
+    motion, reading = read_motion_with(tmp_path / "a.npy")
+    assert reading.mirrored
+    np.testing.assert_allclose(motion.positions, positions, atol=1e-5)
+    kept, reading = read_motion_with(tmp_path / "a.npy", mirror=False)
+    assert not reading.mirrored
+    np.testing.assert_allclose(kept.positions, positions * [-1, 1, 1], atol=1e-5)
+
+
+def test_options_stand_in_a_mapping_file_too(tmp_path):
+    world, root = person("stands")
+    (tmp_path / "a.bvh").write_text(written(world, root, "z", "t"))
+    told = {"up": "y", "unit": "in", "mirror": False, "skip_first": True, "head": "neck", "neck": "head"}
+    (tmp_path / "map.json").write_text("\ufeff" + json.dumps(told), "utf-8")
+    motion, reading = read_motion_with(tmp_path / "a.bvh", tmp_path / "map.json")
+    assert (reading.up, reading.unit, reading.mirrored, reading.skipped_first) == ("y", 0.0254, False, True)
+    assert {"up", "unit", "mirror", "skip_first", "mapping"} == set(reading.told)
+    assert motion.frames == len(root) - 1
+    over, reading = read_motion_with(tmp_path / "a.bvh", tmp_path / "map.json", unit="cm", skip_first=False)
+    assert reading.unit == 0.01
+    assert over.frames == len(root)
+    for wrong in ({"up": "w"}, {"unit": 0}, {"mirror": "maybe"}, {"pu": "z"}):
+        (tmp_path / "map.json").write_text(json.dumps(wrong))
+        with pytest.raises(InputError, match=r"map\.json"):
+            read_motion(tmp_path / "a.bvh", tmp_path / "map.json")
+
+
+def test_a_mapping_against_the_tree_is_said(tmp_path):
+    world, root = person("stands")
+    (tmp_path / "a.bvh").write_text(written(world, root, "y", "t"))
+    with pytest.warns(InputWarning, match=r"right_ankle \(left_ankle\) is not below"):
+        read_motion(tmp_path / "a.bvh", {"left_ankle": "right_ankle", "right_ankle": "left_ankle"})
+
+
+def test_points_that_are_no_body_are_left_and_said(tmp_path):
+    noise = np.random.default_rng(0).normal(size=(9, 22, 3)).astype(np.float32)
+    np.save(tmp_path / "a.npy", noise)
+    with pytest.warns(InputWarning, match="keep no bone lengths.*--up"):
+        motion = read_motion(tmp_path / "a.npy")
+    np.testing.assert_array_equal(motion.positions, noise)
+
+
+def test_what_was_written_here_is_read_as_it_was(tmp_path):
+    """A file with a skeleton of ours is metres, y up, however the person lies in it."""
+    world, root = person("lies on the back")
+    motion = Motion(quat_action(np.array(ONTO["x"]), points(world, root)) * 3, 20, SMPL)
+    motion.save(tmp_path / "a.npz")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_array_equal(read_motion(tmp_path / "a.npz").positions, motion.positions)
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("kind", ["array", "bvh"])
+def test_real_clips_turned_scaled_and_mirrored(shared_data, tmp_path, kind):
+    """Clips of all postures, a quarter of them on the floor: every miss is warned of, and there are few."""
+    wrong: dict[str, list[Case]] = {"up": [], "unit": [], "mirror": []}
+    for case in cases(shared_data, CLIPS):
+        path = tmp_path / ("a.npy" if kind == "array" else "a.bvh")
+        if kind == "array":
+            np.save(path, case.array().astype(np.float32))
+        else:
+            path.write_text(case.bvh())
+        _, reading = read_motion_with(path)
+        right = {
+            "up": reading.up == case.up,
+            "unit": abs(reading.unit * SCALES[case.unit] - 1) < 1e-6,
+            "mirror": reading.mirrored == case.mirrored,
+        }
+        for name in (name for name, good in right.items() if not good):
+            wrong[name].append(case)
+            assert any(note.startswith(name) for note in reading.notes), (name, case)
+    least = {"up": 1.0 if kind == "bvh" else 0.98, "unit": 0.99, "mirror": 0.95}
+    for name, share in least.items():
+        assert len(wrong[name]) <= (1 - share) * CLIPS, (name, wrong[name])
