@@ -1,4 +1,4 @@
-"""Every example of the README runs: Python and `motionary` lines as they stand, on untrained models; what takes long or
+"""Every example of the README and of docs/ runs: Python and `motionary` lines as they stand, on untrained models; what takes long or
 belongs to the pipeline is held against what it names."""
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ from motionary.corpus.demo import demo_clip
 from motionary.corpus.sources import FolderSource
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-TEXT = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
+README = PAGES[0].read_text(encoding="utf-8")
+TEXT = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
 
 
 def blocks(language: str) -> list[str]:
@@ -133,12 +135,15 @@ def test_the_listing_shown_is_one_that_is_read(tmp_path):
     assert [found.action for found in clips] == ["wave"]
 
 
-def test_pictures_and_links_are_there_and_small():
-    targets = re.findall(r"\]\(([^)#]+)\)", TEXT)
-    for target in targets:
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pictures_and_links_are_there_and_small(page):
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
         if "://" not in target:
-            assert (REPOSITORY / target).is_file(), target
-    pictures = [target for target in targets if target.endswith(".png")]
-    assert len(pictures) >= 5
-    for picture in pictures:
-        assert (REPOSITORY / picture).stat().st_size < 200_000, picture
+            path = page.parent / target
+            assert path.is_file(), target
+            assert path.suffix != ".png" or path.stat().st_size < 200_000, target
+
+
+def test_the_readme_is_short_and_shows_pictures():
+    assert README.count("\n") <= 220
+    assert len(re.findall(r"\]\([^)]+\.png\)", README)) >= 4

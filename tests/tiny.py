@@ -71,7 +71,7 @@ def add_stylizers(root: Path, models: Path) -> None:
         )
         save_model(models / "latents", "latents", latents, context)
         for setting in SETTINGS:
-            values = {"width": 16, "content_dim": 8, "style_dim": 6, "blocks": 1, "setting": setting, "window": 64}
+            values = {"width": 16, "content_dim": 8, "style_dim": 6, "num_blocks": 1, "setting": setting, "window": 64}
             model = build_model("stylization", values, context, Trained(models))
             save_model(models / "stylization" / setting, "stylization", model, context)
 

@@ -25,7 +25,7 @@ _MEMORY = 3 * 2**30  # bytes of address space; an idle process has 0.1 GiB
 _GLANCE = 0.1  # seconds between two looks whether the result is still wanted
 _FORKING = multiprocessing.get_context("forkserver")
 _FORKING.set_forkserver_preload(
-    ["motionary.cli", "motionary.app.work"]
+    ["motionary.cli"]
     + [f"motionary.formats.{name}" for name in ("read.arrays", "read.bvh", "write.gltf", "write.bvh_writer")]
     + ["motionary.formats.render.video"]
 )

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
 
 from motionary.errors import InputError
-from motionary.formats.read.options import Reading, ReadingOptions, nearest_key
+from motionary.formats.read.reading_options import Reading, ReadingOptions, nearest_key
 from motionary.motion import Motion
 from motionary.motion.roles import READING_KEYS
 

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from motionary.formats.read.options import Reading
+from motionary.formats.read.reading_options import Reading
 
 _MOST = 100  # notes kept word for word
 

@@ -10,7 +10,7 @@ import pytest
 from motionary.errors import InputError
 from motionary.formats.measure import UNITS
 from motionary.formats.read.bvh import bvh_with, read_bvh
-from motionary.formats.read.options import ReadingOptions
+from motionary.formats.read.reading_options import ReadingOptions
 from motionary.formats.write.bvh_writer import write_bvh
 from motionary.motion import Motion, Skeleton
 

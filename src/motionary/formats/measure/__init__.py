@@ -1,6 +1,6 @@
 """Which way is up, which side is left and how long a unit is, measured on a motion as its file gives it."""
 
-from motionary.formats.measure.body import Body, body_of
+from motionary.formats.measure.body_frame import Body, body_of
 from motionary.formats.measure.evidence import Choice
 from motionary.formats.measure.handedness import measure_mirror
 from motionary.formats.measure.unit import UNITS, measure_unit

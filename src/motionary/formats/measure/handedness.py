@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motionary.formats.measure.body import Body, unit
+from motionary.formats.measure.body_frame import Body, unit
 from motionary.formats.measure.evidence import Choice, choose
 
 # Log-odds for forward being where the names put it, fitted on the CMU takes and rounded.

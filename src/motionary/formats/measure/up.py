@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motionary.formats.measure.body import Body, rank, unit
+from motionary.formats.measure.body_frame import Body, rank, unit
 from motionary.formats.measure.evidence import Choice, choose
 
 AXES = {"y": (0, 1, 0), "z": (0, 0, 1), "-y": (0, -1, 0), "-z": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0)}

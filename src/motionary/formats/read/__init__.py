@@ -11,7 +11,7 @@ from typing import Any
 
 from motionary.errors import InputWarning
 from motionary.formats.dispatch import function_of, given
-from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.motion import Motion
 
 READERS = {

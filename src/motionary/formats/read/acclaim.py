@@ -16,7 +16,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import read_text
-from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.tracks import Track, to_motion
 from motionary.motion import Motion
 from motionary.motion.rotations import euler_to_unitquat, quat_conjugation, quat_product

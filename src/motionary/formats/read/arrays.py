@@ -12,7 +12,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import readable
-from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
 from motionary.formats.read.smpl import SMPL_KEYS, smpl_motion
 from motionary.motion import Motion, Skeleton, name_joints

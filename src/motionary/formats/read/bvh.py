@@ -11,7 +11,7 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.files import read_text
 from motionary.formats.bvh_text import RawBVH, parse
-from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.tracks import Track, to_motion
 from motionary.motion import Motion
 from motionary.motion.rotations import euler_to_unitquat

@@ -9,7 +9,7 @@ import numpy as np
 from motionary.formats.measure import AXES, UNITS, Body, Choice, body_of, measure_mirror, measure_unit, measure_up
 from motionary.formats.measure.unit import plausible
 from motionary.formats.measure.up import standing_axis
-from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
 
 _HALF = np.sqrt(0.5)

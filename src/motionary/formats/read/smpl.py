@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.formats.read.options import Reading, ReadingOptions
+from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
 from motionary.motion import Motion, Skeleton, name_joints
 from motionary.motion.rotations import quat_action, quat_product
