@@ -1,5 +1,5 @@
-"""Every example of the README and of docs/ runs: Python and `motionary` lines as they stand, on untrained models; what takes long or
-belongs to the pipeline is held against what it names."""
+"""Every example of the README and of docs/ runs: Python and `motionary` lines as they stand, on untrained models; what
+takes long or belongs to the pipeline is held against what it names."""
 
 from __future__ import annotations
 

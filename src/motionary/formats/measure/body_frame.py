@@ -16,7 +16,7 @@ _MOST_WOBBLE = 0.25  # real bones keep their length; points whose bones vary mor
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyFrame:
     """What the measurements look at.
 
     Attributes:
@@ -55,15 +55,17 @@ class Body:
         return unit(self["left_hip"] - self["right_hip"] + self["left_shoulder"] - self["right_shoulder"])
 
     @property
-    def at_rest(self) -> Body | None:
+    def at_rest(self) -> BodyFrame | None:
         """The rest pose as a body of one instant."""
         if self.rest is None:
             return None
         still = np.zeros((1, len(self.rest)))
-        return Body(self.size, self.rest[None], still, np.zeros((1, 3)), self.roles, None, self.solid)
+        return BodyFrame(self.size, self.rest[None], still, np.zeros((1, 3)), self.roles, None, self.solid)
 
 
-def body_of(positions: np.ndarray, roles: Mapping[str, int], fps: float, rest: np.ndarray | None = None) -> Body | None:
+def body_of(
+    positions: np.ndarray, roles: Mapping[str, int], fps: float, rest: np.ndarray | None = None
+) -> BodyFrame | None:
     """The body of joint positions (T, J, 3) in any unit and axes; None where roles are missing or have no extent.
 
     Args:
@@ -89,7 +91,7 @@ def body_of(positions: np.ndarray, roles: Mapping[str, int], fps: float, rest: n
     now /= size
     later = positions[(at + step)[:, None], joints] / size
     velocity = (later - now) * (fps / max(step, 1))
-    return Body(
+    return BodyFrame(
         size,
         now,
         np.linalg.norm(velocity, axis=-1),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motionary.formats.measure.body_frame import Body, unit
+from motionary.formats.measure.body_frame import BodyFrame, unit
 from motionary.formats.measure.evidence import Choice, choose
 
 # Log-odds for forward being where the names put it, fitted on the CMU takes and rounded.
@@ -17,7 +17,7 @@ _AT_REST = {"toes": 2.0}  # what the rest pose adds
 _USUAL = 1.0
 
 
-def measure_mirror(body: Body, up: np.ndarray) -> Choice:
+def measure_mirror(body: BodyFrame, up: np.ndarray) -> Choice:
     """ "no" or "yes"; `up` (3,) is the axis that points up."""
     evidence = _evidence(body, up)
     score = _USUAL + sum(weight * evidence[what] for what, weight in _WEIGHTS.items())
@@ -27,7 +27,7 @@ def measure_mirror(body: Body, up: np.ndarray) -> Choice:
     return choose(("no", "yes"), (score, 0.0))
 
 
-def _evidence(body: Body, up: np.ndarray) -> dict[str, float]:
+def _evidence(body: BodyFrame, up: np.ndarray) -> dict[str, float]:
     """Each from -1 to 1: how far it points where the names of left and right put forward."""
     across = body.across
     ahead = unit(np.cross(across, unit(body.middle("shoulder") - body.middle("hip"))))
@@ -49,7 +49,7 @@ def _evidence(body: Body, up: np.ndarray) -> dict[str, float]:
     }
 
 
-def _stands(rest: Body) -> bool:
+def _stands(rest: BodyFrame) -> bool:
     """Whether the legs go on from the trunk, so that the rest pose has a front."""
     trunk = unit(rest.middle("shoulder") - rest.middle("hip"))
     return bool((trunk * unit(rest.middle("ankle") - rest.middle("hip"))).sum(-1)[0] < -0.7)

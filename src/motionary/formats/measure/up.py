@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motionary.formats.measure.body_frame import Body, rank, unit
+from motionary.formats.measure.body_frame import BodyFrame, rank, unit
 from motionary.formats.measure.evidence import Choice, choose
 
 AXES = {"y": (0, 1, 0), "z": (0, 0, 1), "-y": (0, -1, 0), "-z": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0)}
@@ -34,7 +34,7 @@ _USUAL = {"y": 1.0, "z": 0.5}
 _TRAVEL = 1e-3
 
 
-def measure_up(body: Body, usual: dict[str, float] | None = None) -> Choice:
+def measure_up(body: BodyFrame, usual: dict[str, float] | None = None) -> Choice:
     """The axis (a key of `AXES`) that points up.
 
     Args:
@@ -47,7 +47,7 @@ def measure_up(body: Body, usual: dict[str, float] | None = None) -> Choice:
     return choose(list(AXES), [float(s) + favour.get(name, 0.0) for name, s in zip(AXES, scores, strict=True)])
 
 
-def _evidence(body: Body) -> dict[str, np.ndarray]:
+def _evidence(body: BodyFrame) -> dict[str, np.ndarray]:
     """(6,) for each weight, over the candidates."""
     up = _DIRECTIONS.T
     height = np.moveaxis(body.places @ up, -1, 0)  # (6, T, R)
@@ -82,13 +82,13 @@ def _evidence(body: Body) -> dict[str, np.ndarray]:
     }
 
 
-def standing_axis(body: Body) -> str | None:
+def standing_axis(body: BodyFrame) -> str | None:
     """The axis along which the rest pose stands, None where it stands along none (as where all bones lie along one)."""
     found = _standing(body.at_rest)
     return list(AXES)[int(np.argmax(found))] if found.any() else None
 
 
-def _standing(rest: Body | None) -> np.ndarray:
+def _standing(rest: BodyFrame | None) -> np.ndarray:
     """(6,) 1 for the axis along which legs and trunk of a rest pose stand, with the shoulders level."""
     if rest is None:
         return np.zeros(len(AXES))

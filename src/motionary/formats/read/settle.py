@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from motionary.formats.measure import AXES, UNITS, Body, Choice, body_of, measure_mirror, measure_unit, measure_up
+from motionary.formats.measure import AXES, UNITS, BodyFrame, Choice, body_of, measure_mirror, measure_unit, measure_up
 from motionary.formats.measure.unit import plausible
 from motionary.formats.measure.up import standing_axis
 from motionary.formats.read.reading_options import Reading, ReadingOptions
@@ -105,7 +105,9 @@ def settle(
     return Settled(reading, TURNS[up], TURNS[standing or up])
 
 
-def _without_body(body: Body | None, options: ReadingOptions, told: tuple[str, ...], chain: float | None) -> Settled:
+def _without_body(
+    body: BodyFrame | None, options: ReadingOptions, told: tuple[str, ...], chain: float | None
+) -> Settled:
     """Where nothing can be measured: y up, as named, in metres or by the rig's longest chain."""
     up, scale = options.up or "y", options.scale if options.unit is not None else 1.0
     if options.unit is None and chain:
@@ -134,7 +136,7 @@ def _thin(choices: dict[str, Choice]) -> list[str]:
     return found
 
 
-def _odd_size(body: Body, scale: float, options: ReadingOptions) -> list[str]:
+def _odd_size(body: BodyFrame, scale: float, options: ReadingOptions) -> list[str]:
     if options.unit is not None or plausible(body.size * scale) > -6:
         return []
     tall = body.size * scale * 1.32
