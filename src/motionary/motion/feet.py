@@ -11,9 +11,7 @@ _SLOW, _LOW = 0.4, 0.04  # m/s and metres: a foot that stands moves less, and is
 _IDLE = 0.02  # weight of a foot in the air, against 1 of one that stands
 
 
-def two_bone(
-    hip: np.ndarray, knee: np.ndarray, ankle: np.ndarray, goal: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def two_bone(hip: np.ndarray, knee: np.ndarray, ankle: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """World rotations (T, 3, 3) of thigh and shin that bring the ankle to its goal, the knee bending as it did.
 
     The knee opens or closes in the plane in which it is bent (by the law of cosines), and the whole leg swings by the
@@ -40,9 +38,7 @@ def two_bone(
     return thigh, shin
 
 
-def held_feet(
-    paths: list[np.ndarray], own: list[np.ndarray], fps: float
-) -> tuple[list[np.ndarray], np.ndarray]:
+def held_feet(paths: list[np.ndarray], own: list[np.ndarray], fps: float) -> tuple[list[np.ndarray], np.ndarray]:
     """How far each foot, and before them the root, have to move so that feet stand where they should, (T, 3) each.
 
     The body moves with the foot that stands, which costs the pose nothing; what is left, where both stand, is for the

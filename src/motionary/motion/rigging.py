@@ -8,7 +8,7 @@ stand. What a joint turns from there is the same on all rigs, whatever its rest 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ from motionary.motion.rotations import (
     euler_to_rotmat,
     quat_continuation,
     rotmat_to_unitquat,
+    special_procrustes,
     unitquat_to_rotmat,
     vectors_to_rotmat,
 )
@@ -31,6 +32,7 @@ from motionary.motion.skeleton import Skeleton
 from motionary.motion.trunk import stands, trunk_frames
 
 _SIDES = ("left", "right")
+_TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
 _LIMBS = (("hip", "knee", None), ("knee", "ankle", "hip"), ("shoulder", "elbow", None), ("elbow", "wrist", "shoulder"))
 
 
@@ -57,19 +59,24 @@ class Rig:
         Raises:
             InputError: a role is missing, or no pose is known in which the rig stands.
         """
-        if missing := [role for role in REQUIRED if role not in skeleton.roles]:
-            raise InputError(f"skeleton {skeleton.name}", ", ".join(missing), UNMAPPED)
-        if stands(skeleton):
-            return Rig(skeleton, np.tile(np.eye(3), (len(skeleton), 1, 1)))
+        if stands(skeleton) or any(role not in skeleton.roles for role in REQUIRED):
+            return Rig.posed(skeleton, np.tile(np.eye(3), (len(skeleton), 1, 1)))
         if rotations is None:
             rule = "its rest pose is not a person's; give the motion or file that it comes from, not the skeleton alone"
             raise InputError("rig", skeleton.name, rule)
         return Rig(skeleton, _standing_pose(skeleton, unitquat_to_rotmat(rotations)))
 
+    @staticmethod
+    def posed(skeleton: Skeleton, pose: np.ndarray) -> Rig:
+        """The rig in a pose (J, 3, 3) that is known to stand. InputError: a role is missing."""
+        if missing := [role for role in REQUIRED if role not in skeleton.roles]:
+            raise InputError(f"skeleton {skeleton.name}", ", ".join(missing), UNMAPPED)
+        return Rig(skeleton, pose)
+
 
 @dataclass(frozen=True)
 class _Common:
-    """A rig in the common pose: global rotations K (3, 3) and bones to the next role above (3,), by role."""
+    """A rig in the common pose: global rotations K (3, 3) by role, and the length of its legs, metres."""
 
     turns: dict[str, np.ndarray]
     legs: float
@@ -97,15 +104,16 @@ def to_rig(motion: Motion, rig: Rig, source: Rig | None = None) -> Motion:
     seen = {role: motion.positions[:, j].astype(np.float64) for role, j in motion.skeleton.roles.items()}
     local = _locals(rig.skeleton, carried)
     placed = _placed(rig.skeleton, local, seen, ratio)
-    legs = [tuple(rig.skeleton.roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle")) for side in _SIDES]
-    # A foot turns about its ball when the heel leaves the ground: what stands is the toe joint, where both rigs have it.
+    roles = rig.skeleton.roles
+    legs = [(roles[f"{side}_hip"], roles[f"{side}_knee"], roles[f"{side}_ankle"]) for side in _SIDES]
+    # A foot turns about its ball when the heel leaves the ground: what stands is the toe, where both rigs have one.
     sole = "foot" if all(f"{s}_foot" in r.skeleton.roles for r in (source, rig) for s in _SIDES) else "ankle"
-    soles = [rig.skeleton.roles[f"{side}_{sole}"] for side in _SIDES]
+    soles = [roles[f"{side}_{sole}"] for side in _SIDES]
     paths = [seen[f"{side}_{sole}"] * ratio for side in _SIDES]
     moves, body = held_feet(paths, [placed[:, joint] for joint in soles], motion.fps)
     placed += body[:, None]
     for leg, move in zip(legs, moves, strict=True):
-        thigh, shin = two_bone(*(placed[:, joint] for joint in leg), placed[:, leg[2]] + move)
+        thigh, shin = two_bone(placed[:, leg[0]], placed[:, leg[1]], placed[:, leg[2]], placed[:, leg[2]] + move)
         _turn_leg(rig, carried, leg, thigh, shin)
     local = _locals(rig.skeleton, carried)
     placed = place(rig.skeleton, local, placed[:, 0])
@@ -172,20 +180,30 @@ def _common(rig: Rig) -> _Common:
 
 def _carried(turned: np.ndarray, skeleton: Skeleton, ours: _Common, rig: Rig, theirs: _Common) -> np.ndarray:
     """Global rotations (T, J, 3, 3) of the target's joints from those of the source's (T, S, 3, 3)."""
-    names = {joint: role for role, joint in rig.skeleton.roles.items()}
+    known = {role: turned[:, skeleton.roles[role]] @ turn.T for role, turn in ours.turns.items()}
     result = np.empty((len(turned), len(rig.skeleton), 3, 3))
-    moved: dict[int, np.ndarray] = {}
+    names = {joint: role for role, joint in rig.skeleton.roles.items()}
     for joint, parent in enumerate(rig.skeleton.parents):
-        role = names.get(joint)
-        if role is not None and role in ours.turns:
-            moved[joint] = turned[:, skeleton.roles[role]] @ ours.turns[role].T
-        elif role is not None and (above := _role_above(rig.skeleton, joint, moved)) is not None:
-            moved[joint] = moved[above]
-        if joint in moved:
-            result[:, joint] = moved[joint] @ theirs.turns[role or ""]
+        if (role := names.get(joint)) is not None:
+            result[:, joint] = _turn_of(role, known) @ theirs.turns[role]
         else:
             result[:, joint] = rig.pose[joint] if parent < 0 else result[:, parent] @ rig.pose[joint]
     return result
+
+
+def _turn_of(role: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(T, 3, 3) turns of a role; of one that the source has not, half-way between its neighbors in the trunk."""
+    if role in known:
+        return known[role]
+    part = role.split("_")[-1]
+    if part == "foot":
+        return known[role.replace("foot", "ankle")]
+    at = _TRUNK.index("neck" if part == "collar" else part)
+    below = next(known[name] for name in reversed(_TRUNK[:at]) if name in known)
+    if part in ("collar", "head"):
+        return below
+    above = next((known[name] for name in _TRUNK[at:] if name in known), below)
+    return special_procrustes(below + above)
 
 
 def _role_above(skeleton: Skeleton, joint: int, among: Iterable[int]) -> int | None:
@@ -195,9 +213,7 @@ def _role_above(skeleton: Skeleton, joint: int, among: Iterable[int]) -> int | N
     return joint if joint >= 0 else None
 
 
-def _turn_leg(
-    rig: Rig, turned: np.ndarray, leg: tuple[int, int, int], thigh: np.ndarray, shin: np.ndarray
-) -> None:
+def _turn_leg(rig: Rig, turned: np.ndarray, leg: tuple[int, int, int], thigh: np.ndarray, shin: np.ndarray) -> None:
     """Turns thigh and shin with what hangs on them (twist bones); the foot keeps its rotation in the world."""
     hip, knee, ankle = leg
     for joint in range(hip, len(rig.skeleton)):
