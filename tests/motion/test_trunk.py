@@ -29,14 +29,6 @@ def difference(a: Motion, b: Motion) -> float:
     return float(np.linalg.norm(local(a)[:frames] - local(b)[:frames], axis=-1).mean())
 
 
-def planted(motion: Motion) -> np.ndarray:
-    """(T - 1, 4) the contacts that `foot_skating` takes, to be looked at again on another body."""
-    feet = motion.positions[:, list(motion.skeleton.feet)].astype(np.float64)
-    low = feet[..., 1] - np.percentile(feet[..., 1], 5, axis=0) < 0.015 * np.array([2, 1, 2, 1])
-    down = (low[:, 0::2] & low[:, 1::2]).repeat(2, axis=1)
-    return down[1:] & down[:-1]
-
-
 def another_body(smpl: Skeleton) -> Skeleton:
     """smpl22 as another rig would cut it: hips ahead of the root, collars on the spine, a spine that leans."""
     offsets = smpl.offsets.copy()
@@ -120,7 +112,7 @@ def test_an_array_and_a_file_of_one_rig_agree(shared_data, smpl, array, file):
 
 
 @pytest.mark.real
-def test_feet_that_stand_go_on_standing(shared_data, smpl):
+def test_feet_that_stand_go_on_standing(shared_data, smpl, planted):
     """Skating of the frames in which the source's feet stand: at most 1.2 times as much, clip by clip."""
     before, after = [], []
     for path in sorted((shared_data / "bvh" / "motions").glob("*.bvh"))[::4]:

@@ -6,7 +6,9 @@ import numpy as np
 
 from motionary.motion.rotations import TINY, orthogonal, vectors_to_rotmat
 
-_REACH = 0.9995  # of the leg's length: a goal beyond it is approached as far as this, so that knees never lock
+_REACH = (
+    0.9995  # of the leg's length: a goal beyond it is approached as far as this, so that knees do not snap straight
+)
 _SLOW, _LOW = 0.4, 0.04  # m/s and metres: a foot that stands moves less, and is lower
 _IDLE = 0.02  # weight of a foot in the air, against 1 of one that stands
 
@@ -22,8 +24,9 @@ def two_bone(hip: np.ndarray, knee: np.ndarray, ankle: np.ndarray, goal: np.ndar
     """
     upper, lower = np.linalg.norm(knee - hip, axis=-1), np.linalg.norm(ankle - knee, axis=-1)
     reach = np.linalg.norm(goal - hip, axis=-1)
-    reach = np.clip(reach, np.abs(upper - lower) + TINY, (upper + lower) * _REACH)
     line = ankle - hip
+    longest = np.maximum((upper + lower) * _REACH, np.linalg.norm(line, axis=-1))
+    reach = np.clip(reach, np.abs(upper - lower) + TINY, longest)
     line = line / np.maximum(np.linalg.norm(line, axis=-1, keepdims=True), TINY)
     out = knee - hip
     out = out - (out * line).sum(-1, keepdims=True) * line

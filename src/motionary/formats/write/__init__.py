@@ -42,8 +42,8 @@ def write_motion(
         force: replace an existing file.
         onto: the .bvh or .glb of a character: the motion goes onto its rig (see `Motion.to`). A file of the same
             extension also keeps the rest: a BVH its nodes, offsets, channels and unit, a glb its mesh, skin and nodes.
-        options: for that format: ``unit`` for BVH, ``mesh`` for glb, ``layout`` for npz, ``captions`` for mp4, gif and html, ``fps``,
-            ``width``, ``height`` and ``progress`` for mp4 and gif, ``title`` for html. None means not given.
+        options: for that format: ``unit`` for BVH, ``mesh`` for glb, ``layout`` for npz, ``captions`` for mp4, gif and
+            html, ``fps``, ``width``, ``height`` and ``progress`` for mp4 and gif, ``title`` for html. None: not given.
 
     Returns:
         The path.

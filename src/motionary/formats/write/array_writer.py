@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import atomic_file
+from motionary.formats.read.smpl import SMPL_OFFSETS, SMPL_ROOT
 from motionary.motion import Motion, Skeleton, foot_contacts
 from motionary.motion.rigging import Rig, to_rig
 from motionary.motion.rotations import euler_to_rotmat, rotmat_to_unitquat, unitquat_to_rotmat, unitquat_to_rotvec
 
-_PELVIS = np.array([-0.0018, -0.2233, 0.0282])  # metres: the pelvis of SMPL's neutral mean shape at rest
 
 
 def write_npy(motion: Motion, path: str | os.PathLike, force: bool = True) -> Path:
@@ -41,7 +42,8 @@ def write_npz(motion: Motion, path: str | os.PathLike, force: bool = True, layou
     if layout not in _LAYOUTS:
         raise InputError("layout", layout, f"must be one of {', '.join(_LAYOUTS)}")
     with atomic_file(path, force) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, **_LAYOUTS[layout](motion))
+        arrays: dict[str, Any] = _LAYOUTS[layout](motion)
+        np.savez_compressed(file, **arrays)
     return Path(path)
 
 
@@ -59,8 +61,8 @@ def _everything(motion: Motion) -> dict[str, np.ndarray]:
 
 
 def _amass(motion: Motion) -> dict[str, np.ndarray]:
-    """SMPL's first 22 joints are smpl22's, whose rest pose is SMPL's; the hands stay at rest."""
-    body = to_rig(motion, Rig.of(Skeleton.named("smpl22")))
+    """On the joints of SMPL's mean shape, of which smpl22's are the first 22; the hands stay at rest."""
+    body = to_rig(motion, Rig.of(Skeleton.named("smpl22").with_offsets(SMPL_OFFSETS)))
     assert body.rotations is not None
     up = euler_to_rotmat(0, np.pi / 2)  # (x, y, z) with y up -> (x, -z, y) with z up
     turned = body.rotations.astype(np.float64)
@@ -70,7 +72,7 @@ def _amass(motion: Motion) -> dict[str, np.ndarray]:
     return {
         "poses": poses.reshape(motion.frames, -1),
         # The model turns about its pelvis, which rests here and not at the origin.
-        "trans": body.positions[:, 0].astype(np.float64) @ up.T - _PELVIS,
+        "trans": body.positions[:, 0].astype(np.float64) @ up.T - SMPL_ROOT,
         "betas": np.zeros(16),
         "gender": np.array("neutral"),
         "mocap_framerate": np.array(motion.fps, np.float64),
