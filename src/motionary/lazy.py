@@ -1,4 +1,4 @@
-"""What is called without importing where it lives: the names that a package hands on, and what motions ask of formats."""
+"""What is called without importing where it lives: names that a package hands on, and what motions ask of formats."""
 
 from __future__ import annotations
 

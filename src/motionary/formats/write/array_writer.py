@@ -17,7 +17,6 @@ from motionary.motion.rigging import Rig, to_rig
 from motionary.motion.rotations import euler_to_rotmat, rotmat_to_unitquat, unitquat_to_rotmat, unitquat_to_rotvec
 
 
-
 def write_npy(motion: Motion, path: str | os.PathLike, force: bool = True) -> Path:
     """Write joint positions (T, J, 3) float32 alone: no rate, no joint names."""
     with atomic_file(path, force) as temporary, open(temporary, "wb") as file:
