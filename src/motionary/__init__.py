@@ -37,4 +37,11 @@ def _save(motion: Motion, path: Path | str, **options: Any) -> None:
     write_motion(motion, path, **options)
 
 
-save_with(_save)  # motion itself knows no file format
+def _to(motion: Motion, rig: Skeleton | Motion | Path | str) -> Motion:
+    from motionary.formats.rigs import read_rig
+    from motionary.motion.rigging import to_rig
+
+    return to_rig(motion, read_rig(rig))
+
+
+save_with(_save, _to)  # motion itself knows no file format

@@ -1,4 +1,4 @@
-"""What is called without importing where it lives: the names that a package hands on, and the writers of motions."""
+"""What is called without importing where it lives: names that a package hands on, and what motions ask of formats."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
-_writers: list[Callable[..., None]] = []
+_formats: list[Callable[..., Any]] = []
 
 
 def hand_on(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
@@ -27,12 +27,17 @@ def hand_on(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any
     return get, lambda: sorted(homes)
 
 
-def save_with(save: Callable[..., None]) -> None:
-    """Hands in what ``Motion.save`` calls. The package does so before any of its modules is there: formats stand on
-    the motion's module, which so needs to know none of them."""
-    _writers[:] = [save]
+def save_with(save: Callable[..., None], to: Callable[..., Any]) -> None:
+    """Hands in what ``Motion.save`` and ``Motion.to`` call. The package does so before any of its modules is there:
+    formats stand on the motion's module, which so needs to know none of them."""
+    _formats[:] = [save, to]
 
 
 def save(motion: Any, path: Any, **options: Any) -> None:
     """Writes a motion with what was handed in."""
-    _writers[0](motion, path, **options)
+    _formats[0](motion, path, **options)
+
+
+def to(motion: Any, rig: Any) -> Any:
+    """Puts a motion onto a rig, or a file's rig, with what was handed in."""
+    return _formats[1](motion, rig)

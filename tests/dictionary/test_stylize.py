@@ -15,7 +15,7 @@ import motionary
 from motionary import read_motion
 from motionary.corpus.demo import demo_clip
 from motionary.errors import InputError
-from motionary.motion import Motion, Skeleton, resample
+from motionary.motion import Motion, Skeleton, fit_rotations, resample
 
 
 @pytest.fixture(scope="module")
@@ -177,3 +177,15 @@ def test_real_files_of_other_rigs(d, shared_data):
         (made,) = d.stylize(motion, style="old", reference=motion)
         assert abs(made.duration - motion.duration) < 0.11
         assert np.isfinite(made.positions).all()
+
+
+def test_results_return_onto_the_rig_and_rate_of_their_file(d, walk):
+    child = fit_rotations(walk)
+    child = child.to(child.skeleton.with_offsets(child.skeleton.offsets * 0.7))
+    child = resample(child, 30)
+    (plain,) = d.stylize(child, "old", seed=3)
+    (made,) = d.stylize(child, "old", seed=3, keep_rig=True)
+    assert made.skeleton == child.skeleton
+    assert made.fps == 30
+    assert made.duration == pytest.approx(plain.duration, abs=1 / 20)
+    assert np.linalg.norm(made.positions - made.positions[:, :1], axis=-1).max() < 0.75 * 1.4

@@ -28,6 +28,19 @@ def _moved(motion: Motion, angle: float, shift: tuple[float, float, float] = (0,
     return Motion(motion.positions @ turn.T + np.array(shift), motion.fps, motion.skeleton)
 
 
+def _planted(motion: Motion) -> np.ndarray:
+    """(T - 1, 4) the contacts that `foot_skating` takes, to be looked at again on another body."""
+    feet = motion.positions[:, list(motion.skeleton.feet)].astype(np.float64)
+    low = feet[..., 1] - np.percentile(feet[..., 1], 5, axis=0) < 0.015 * np.array([2, 1, 2, 1])
+    down = (low[:, 0::2] & low[:, 1::2]).repeat(2, axis=1)
+    return down[1:] & down[:-1]
+
+
+@pytest.fixture(scope="session")
+def planted():
+    return _planted
+
+
 @pytest.fixture(scope="session")
 def wriggling():
     return _wriggling

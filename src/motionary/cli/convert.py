@@ -8,7 +8,7 @@ from pathlib import Path
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
-from motionary.cli.outputs import add_force, captioned, known_extension
+from motionary.cli.outputs import add_force, add_onto, captioned, known_extension
 
 
 def _arguments(add: argparse.ArgumentParser) -> None:
@@ -17,6 +17,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--fps", type=float, help="rate of the result")
     add.add_argument("--source-fps", type=float, help="rate of a file that does not say it (npy)")
     add.add_argument("--skeleton", help="retarget to smpl22 or kit21")
+    add_onto(add)
     add.add_argument("--caption", help="shown in mp4, gif and html")
     add_force(add, "an existing file")
     shared.add_reading(add)
@@ -41,7 +42,8 @@ def _run(options: argparse.Namespace) -> None:
         motion = retarget(motion, Skeleton.named(options.skeleton))
     if options.fps is not None:
         motion = resample(motion, options.fps)
-    print(write_motion(motion, options.target, force=options.force, **captioned(extension, options.caption)))
+    given = {"force": options.force, "onto": options.onto}
+    print(write_motion(motion, options.target, **given, **captioned(extension, options.caption)))
 
 
 COMMAND = Command(
@@ -49,5 +51,9 @@ COMMAND = Command(
     "Turn a motion file into another format.",
     _arguments,
     _run,
-    ("motionary convert in.bvh out.glb --fps 30", 'motionary convert walk.npz walk.mp4 --caption "a walk"'),
+    (
+        "motionary convert in.bvh out.glb --fps 30",
+        "motionary convert in.npz out.glb --onto character.glb",
+        'motionary convert walk.npz walk.mp4 --caption "a walk"',
+    ),
 )

@@ -16,10 +16,17 @@ _TITLED = (".mp4", ".gif", ".html")  # formats that show a caption
 
 
 def add_outputs(add: argparse.ArgumentParser) -> None:
-    """--out, --format and --force, for :class:`Outputs`."""
+    """--out, --format, --onto and --force, for :class:`Outputs`."""
     add.add_argument("--out", default=".", metavar="FOLDER", help="where the files go (here)")
     add.add_argument("--format", default="bvh", metavar="A,B", help="bvh, npz, npy, glb, mp4, gif, html (bvh)")
+    add_onto(add)
     add_force(add, "existing files")
+
+
+def add_onto(add: argparse.ArgumentParser) -> None:
+    """--onto."""
+    told = "a character's bvh or glb, onto whose rig the motion goes; written in its own format it keeps all else"
+    add.add_argument("--onto", metavar="FILE", help=told)
 
 
 def add_force(add: argparse.ArgumentParser, what: str) -> None:
@@ -47,14 +54,19 @@ class Outputs:
     """Files of motions in each format asked for.
 
     Raises:
-        InputError: an unknown format, or a name of `names` that cannot be written: before anything is computed.
+        InputError: an unknown format, a file that is no rig, or a name of `names` that cannot be written: before
+            anything is computed.
     """
 
     def __init__(self, options: argparse.Namespace, names: Iterable[str]):
         from motionary.files import writable
 
-        self.folder, self.force = Path(options.out), options.force
+        self.folder, self.force, self.onto = Path(options.out), options.force, options.onto
         self.extensions = list(dict.fromkeys(known_extension(name) for name in options.format.split(",")))
+        if self.onto is not None:
+            from motionary.formats.rigs import read_rig
+
+            read_rig(self.onto)
         for name in names:
             for extension in self.extensions:
                 writable(self.folder / f"{name}{extension}", self.force)
@@ -63,8 +75,9 @@ class Outputs:
         """Writes a motion under a name, with a text where the format shows one, and names the files."""
         from motionary.formats import write_motion
 
+        given = {"force": self.force, "onto": self.onto}
         return [
-            str(write_motion(motion, self.folder / f"{name}{e}", force=self.force, **captioned(e, text)))
+            str(write_motion(motion, self.folder / f"{name}{e}", **given, **captioned(e, text)))
             for e in self.extensions
         ]
 

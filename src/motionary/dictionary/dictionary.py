@@ -182,6 +182,7 @@ class Dictionary(Folder):
         n: int = 1,
         seed: int = 0,
         strength: float = 1.0,
+        keep_rig: bool = False,
     ) -> list[Any]:
         """A motion in another style: of a label, of a reference motion, of both, or of neither, drawn at random.
 
@@ -192,21 +193,24 @@ class Dictionary(Folder):
             n: variants; a reference has only one.
             seed: equal motion, style, seed and variant give an equal result, whatever else is asked with them.
             strength: 0 keeps the motion as it is, 1 is the full style, more exaggerates.
+            keep_rig: return each motion onto the rig and rate that it came from.
 
         Returns:
-            n motions, as long as the given one, at the models' rate and on their skeleton, starting at the origin;
-            for several motions a list of n for each.
+            n motions, as long as the given one, at the models' rate and on their skeleton unless `keep_rig`, starting
+            at the origin; for several motions a list of n for each.
 
         Raises:
             InputError: an unknown style (the known ones are listed), a reference that is too short, an unknown rig,
                 a value out of range, missing models.
         """
-        from motionary.dictionary.restyling import stylize
+        from motionary.dictionary.restyling import returned, stylize
 
         several = listed(motions, Motion, "motions")
         transfer = self._open(STYLIZE)
         with self._lock:
             found = stylize(transfer, several, style, reference, n, seed, strength)
+        if keep_rig:
+            found = [[returned(made, motion) for made in row] for row, motion in zip(found, several, strict=True)]
         return found[0] if isinstance(motions, Motion) else found
 
     def interpolate(

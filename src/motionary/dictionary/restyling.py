@@ -9,7 +9,8 @@ import numpy as np
 
 from motionary.corpus.encoding import as_motion, encode, listed
 from motionary.errors import InputError, check_whole
-from motionary.motion import Motion
+from motionary.motion import Motion, resample
+from motionary.motion.rigging import Rig, to_rig
 from motionary.systems.protocols import Made, MotionStylizer
 
 
@@ -40,6 +41,15 @@ def stylize(
     seeds = [_seed(seed, k) for k in range(n)] * len(contents)
     made = _motions(transfer, transfer.stylize(repeated, seeds=seeds, strength=strength, **given))
     return [made[i : i + n] for i in range(0, len(made), n)]
+
+
+def returned(made: Motion, original: Motion) -> Motion:
+    """A motion of the models on the rig and at the rate of the one that it was made from.
+
+    Raises:
+        InputError: no pose is known in which the original's rig stands.
+    """
+    return resample(to_rig(made, Rig.of(original.skeleton, original.rotations)), original.fps)
 
 
 def interpolate(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.lazy import save
+from motionary.lazy import save, to
 from motionary.motion.skeleton import Skeleton
 
 
@@ -74,6 +74,20 @@ class Motion:
     def save(self, path: Path | str, **options: Any) -> None:
         """Write to a file by its extension: .bvh .npy .npz .glb .mp4 .gif .html (options go to that format)."""
         save(self, path, **options)
+
+    def to(self, rig: Skeleton | Motion | Path | str) -> Motion:
+        """The motion on another character's rig: its joints, their order, its rest pose and proportions.
+
+        Rotations keep their twist, fingers and extra joints stay as they are in the rig's own pose, and feet that
+        stand go on standing. Saved as .bvh or .glb, `onto=` the rig's file keeps all else that the file holds.
+
+        Args:
+            rig: a .bvh or .glb file, a motion on the rig, or a skeleton whose rest pose is a standing person's.
+
+        Raises:
+            InputError: a role that retargeting needs is missing on either side, or the file is no rig.
+        """
+        return to(self, rig)
 
     def __repr__(self) -> str:
         rotations = "" if self.rotations is None else ", rotations"

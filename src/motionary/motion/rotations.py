@@ -97,6 +97,14 @@ def rotmat_to_unitquat(matrices: np.ndarray) -> np.ndarray:
     return found / np.linalg.norm(found, axis=-1, keepdims=True)
 
 
+def unitquat_to_rotvec(q: np.ndarray) -> np.ndarray:
+    """Rotation vectors (..., 3) in radians, of length at most pi, of unit quaternions (..., 4)."""
+    q = np.where(q[..., 3:] < 0, -q, q)
+    sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, q[..., 3:])
+    return q[..., :3] * np.where(sine > TINY, angle / np.maximum(sine, TINY), 2.0)
+
+
 def euler_to_unitquat(axes: Sequence[int], angles: np.ndarray) -> np.ndarray:
     """Quaternions of intrinsic rotations: R = R_axes[0](a0) R_axes[1](a1) ... as BVH applies its channels in order.
 
@@ -124,6 +132,20 @@ def unitquat_to_euler_zxy(q: np.ndarray) -> np.ndarray:
     pole = np.abs(m[..., 2, 1]) > 1 - 1e-9
     a = np.where(pole, np.arctan2(m[..., 1, 0], m[..., 0, 0]), np.arctan2(-m[..., 0, 1], m[..., 1, 1]))
     c = np.where(pole, 0.0, np.arctan2(-m[..., 2, 0], m[..., 2, 2]))
+    return np.stack([a, b, c], -1)
+
+
+def unitquat_to_euler(axes: Sequence[int], q: np.ndarray) -> np.ndarray:
+    """Angles (..., 3) in radians with R = R_axes[0](a) R_axes[1](b) R_axes[2](c), for three different axes.
+
+    At the poles (b = +-90 degrees) only a +- c is determined, and c is set to zero.
+    """
+    m, (i, j, k) = unitquat_to_rotmat(q), axes
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+    b = np.arcsin(np.clip(sign * m[..., i, k], -1, 1))
+    pole = np.abs(m[..., i, k]) > 1 - 1e-9
+    a = np.where(pole, sign * np.arctan2(m[..., k, j], m[..., j, j]), sign * np.arctan2(-m[..., j, k], m[..., k, k]))
+    c = np.where(pole, 0.0, sign * np.arctan2(-m[..., i, j], m[..., i, i]))
     return np.stack([a, b, c], -1)
 
 

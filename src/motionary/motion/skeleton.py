@@ -121,6 +121,15 @@ class Skeleton:
         return np.linalg.norm(self.offsets, axis=-1)
 
     @cached_property
+    def rest(self) -> np.ndarray:
+        """(J, 3) float64 joint positions of the rest pose, the root at the origin, metres."""
+        rest = np.zeros((len(self), 3))
+        for joint, parent in enumerate(self.parents[1:], 1):
+            rest[joint] = rest[parent] + self.offsets[joint]
+        rest.flags.writeable = False
+        return rest
+
+    @cached_property
     def codec_directions(self) -> np.ndarray:
         """(J, 3) unit bone directions that the HumanML3D codec rotates from: `directions`, or those of the offsets."""
         if self.directions is not None:

@@ -20,8 +20,8 @@ from motionary.motion.rotations import quat_action, quat_product
 SMPL_KEYS = ("poses", "trans", "mocap_framerate", "mocap_frame_rate", "fps")
 _BODY = 22  # the first joints of all three models; what follows is hands and face
 _WIDTHS = (66, 72, 156, 165)  # SMPL's body alone, SMPL, SMPL-H, SMPL-X
-_ROOT = np.array([-0.0018, -0.2233, 0.0282])  # where the mean body's pelvis is when trans is 0
-_OFFSETS = np.array(
+SMPL_ROOT = np.array([-0.0018, -0.2233, 0.0282])  # where the mean body's pelvis is when trans is 0
+SMPL_OFFSETS = np.array(
     [
         [0.0, 0.0, 0.0],
         [0.05858135, -0.08228004, -0.01766408],
@@ -67,9 +67,9 @@ def smpl_motion(
     """
     poses, trans = _checked(path, arrays)
     rate = _rate(path, arrays) if fps is None else fps
-    skeleton = Skeleton.named("smpl22").with_offsets(_OFFSETS)
+    skeleton = Skeleton.named("smpl22").with_offsets(SMPL_OFFSETS)
     rotations = _quaternions(poses[:, : 3 * _BODY].reshape(len(poses), _BODY, 3))
-    positions = _place(skeleton, rotations, trans + _ROOT)
+    positions = _place(skeleton, rotations, trans + SMPL_ROOT)
     rest = _place(skeleton, np.tile([0.0, 0, 0, 1], (1, _BODY, 1)), np.zeros((1, 3)))[0]
     options = options.over(ReadingOptions(unit=1.0, mirror=False))
     settled = with_roles(settle(positions, dict(skeleton.roles), rate, options, rest, usual=_USUAL), "names", [])
@@ -78,7 +78,7 @@ def smpl_motion(
     if options.skip_first and len(positions) > 1:
         positions, rotations = positions[1:], rotations[1:]
         reading = replace(reading, skipped_first=True)
-    skeleton = skeleton.with_offsets(settled.offsets(_OFFSETS))
+    skeleton = skeleton.with_offsets(settled.offsets(SMPL_OFFSETS))
     try:
         motion = Motion(positions.astype(np.float32), rate, skeleton, rotations.astype(np.float32))
         return (motion if options.mapping is None else name_joints(motion, options.mapping)), reading
@@ -118,6 +118,6 @@ def _place(skeleton: Skeleton, rotations: np.ndarray, root: np.ndarray) -> np.nd
     turned, positions = rotations.copy(), np.empty((*rotations.shape[:2], 3))
     positions[:, 0] = root
     for j, p in enumerate(skeleton.parents[1:], 1):
-        positions[:, j] = positions[:, p] + quat_action(turned[:, p], _OFFSETS[j])
+        positions[:, j] = positions[:, p] + quat_action(turned[:, p], SMPL_OFFSETS[j])
         turned[:, j] = quat_product(turned[:, p], rotations[:, j])
     return positions
