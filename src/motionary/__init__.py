@@ -38,7 +38,7 @@ def _save(motion: Motion, path: Path | str, **options: Any) -> None:
 
 
 def _to(motion: Motion, rig: Skeleton | Motion | Path | str) -> Motion:
-    from motionary.formats.rigs import read_rig
+    from motionary.formats.rig_files import read_rig
     from motionary.motion.rigging import to_rig
 
     return to_rig(motion, read_rig(rig))

@@ -9,7 +9,7 @@ import motionary
 from motionary.corpus.demo import demo_clips
 from motionary.errors import InputError
 from motionary.formats import read_motion
-from motionary.formats.rigs import read_rig
+from motionary.formats.rig_files import read_rig
 from motionary.metrics import foot_skating
 from motionary.motion import Motion, Skeleton, fit_rotations, forward_kinematics
 from motionary.motion.rigging import Rig, to_rig

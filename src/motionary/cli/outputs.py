@@ -64,7 +64,7 @@ class Outputs:
         self.folder, self.force, self.onto = Path(options.out), options.force, options.onto
         self.extensions = list(dict.fromkeys(known_extension(name) for name in options.format.split(",")))
         if self.onto is not None:
-            from motionary.formats.rigs import read_rig
+            from motionary.formats.rig_files import read_rig
 
             read_rig(self.onto)
         for name in names:

@@ -42,7 +42,7 @@ class Bone:
 
 
 @dataclass
-class Rig:
+class AcclaimRig:
     """An ASF file: bones by name (root first), each bone's parent, the length unit and whether angles are degrees."""
 
     bones: dict[str, Bone]
@@ -100,13 +100,13 @@ def _find_asf(path: Path) -> Path:
     return found[0]
 
 
-def parse_asf(text: str, name: object) -> Rig:
-    """Parse an ASF file (see `Rig`).
+def parse_asf(text: str, name: object) -> AcclaimRig:
+    """Parse an ASF file (see `AcclaimRig`).
 
     Raises:
         InputError: file, line and rule.
     """
-    rig = Rig({"root": Bone("root")}, {}, 1.0, True, np.zeros(3))
+    rig = AcclaimRig({"root": Bone("root")}, {}, 1.0, True, np.zeros(3))
     section, bone = "", None
     for i, line in enumerate(text.splitlines(), 1):
         words = line.split("#")[0].split()
@@ -133,7 +133,7 @@ def parse_asf(text: str, name: object) -> Rig:
     return rig
 
 
-def _unit(rig: Rig, words: list[str]) -> None:
+def _unit(rig: AcclaimRig, words: list[str]) -> None:
     if words[0] == "length":
         rig.length = float(_numbers(words[1:2], 1)[0])
         if rig.length <= 0:
@@ -142,7 +142,7 @@ def _unit(rig: Rig, words: list[str]) -> None:
         rig.degrees = words[1].lower().startswith("deg")
 
 
-def _root(rig: Rig, words: list[str]) -> None:
+def _root(rig: AcclaimRig, words: list[str]) -> None:
     root = rig.bones["root"]
     if words[0] == "order":
         root.dof = [word.lower() for word in words[1:]]
@@ -154,7 +154,7 @@ def _root(rig: Rig, words: list[str]) -> None:
         root.axis = _rotation([*words[1:4], "XYZ"], rig.degrees)
 
 
-def _bone_line(rig: Rig, bone: Bone | None, words: list[str]) -> Bone | None:
+def _bone_line(rig: AcclaimRig, bone: Bone | None, words: list[str]) -> Bone | None:
     key, rest = words[0], words[1:]
     if key == "begin":
         return Bone("")
@@ -182,7 +182,7 @@ def _bone_line(rig: Rig, bone: Bone | None, words: list[str]) -> Bone | None:
     return bone
 
 
-def _family(rig: Rig, words: list[str]) -> None:
+def _family(rig: AcclaimRig, words: list[str]) -> None:
     for name in words:
         if name not in rig.bones:
             raise InputError("hierarchy", name, "names no bone of this file")
@@ -211,7 +211,7 @@ def _rotation(words: list[str], degrees: bool) -> np.ndarray:
     return euler_to_unitquat(order[::-1], (np.radians(angles) if degrees else angles)[order[::-1]])
 
 
-def _parse_amc(text: str, rig: Rig, name: object) -> tuple[dict[str, np.ndarray], bool]:
+def _parse_amc(text: str, rig: AcclaimRig, name: object) -> tuple[dict[str, np.ndarray], bool]:
     """Each moving bone's values (T, its dof), and whether angles are degrees."""
     moving = [bone.name for bone in rig.bones.values() if bone.dof]
     frames: list[dict[str, list[float]]] = []
@@ -239,7 +239,7 @@ def _parse_amc(text: str, rig: Rig, name: object) -> tuple[dict[str, np.ndarray]
     return values, degrees
 
 
-def _amc_line(frames: list[dict[str, list[float]]], rig: Rig, words: list[str], where: str) -> None:
+def _amc_line(frames: list[dict[str, list[float]]], rig: AcclaimRig, words: list[str], where: str) -> None:
     bone = rig.bones.get(words[0])
     if bone is None or not frames:
         raise InputError(where, words[0], "must be a bone of the ASF file" if frames else "a frame number comes first")
@@ -256,7 +256,7 @@ def _complete(frames: list[dict[str, list[float]]], moving: list[str], name: obj
         raise InputError(f"{name}, line {line}", ", ".join(missing), f"frame {len(frames)} lacks these (truncated?)")
 
 
-def _track(rig: Rig, values: dict[str, np.ndarray], degrees: bool) -> Track:
+def _track(rig: AcclaimRig, values: dict[str, np.ndarray], degrees: bool) -> Track:
     frames = len(next(iter(values.values()))) if values else 1
     names = ["root"]
     for name in names:  # grows while it runs: parents before children
