@@ -56,6 +56,7 @@ app: setup  ## the dictionary in a browser
 
 bench: setup  ## one-thread times at the papers' shapes
 	@python -m motionary.bench
+	@python -m motionary.bench.threads
 
 study: setup  ## seeds, second split, controls, ablations and baselines on the real clips (hours; continues where it stopped)
 	@python -m motionary.study

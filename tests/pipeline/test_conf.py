@@ -1,5 +1,6 @@
 """Configuration: what is committed is what conf/ composes, and no name breaks DVC."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -115,3 +116,18 @@ def test_a_stage_refuses_what_it_does_not_read(repository, tmp_path, stage, over
     assert done.returncode != 0
     assert rule in done.stderr
     assert not (tmp_path / "models").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [({}, "1000 None"), ({"GOMP_SPINCOUNT": "7"}, "7 None"), ({"OMP_WAIT_POLICY": "active"}, "None active")],
+)
+def test_waiting_threads_spin_a_bounded_while_unless_the_user_says_otherwise(repository, given, found):
+    told = "os.environ.get('GOMP_SPINCOUNT'), os.environ.get('OMP_WAIT_POLICY')"
+    code = f"import sys, os; sys.path.insert(0, 'stages'); import _project; print({told}); sys.exit('torch' in sys.modules)"
+    kept = {k: v for k, v in os.environ.items() if k not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=repository, env=kept | given, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.strip() == found
+    assert done.returncode == 0, "torch was imported before the threads were told how to wait"
