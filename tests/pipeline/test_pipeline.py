@@ -178,7 +178,7 @@ def test_a_stage_ends_well_without_its_tracking_server_and_its_rows_arrive_later
     assert len(project.runs("tokenizer")[1]) == before
     assert "sent what 1 earlier run left" in project.run("python", "-m", "motionary.pipeline.delivery")
     client, runs = project.runs("tokenizer")
-    (run,) = [run for run in runs if run.data.params["tokenizer.commitment_weight"] == "0.3"]
+    (run,) = [run for run in runs if run.data.params.get("tokenizer.commitment_weight") == "0.3"]
     assert run.info.status == "FINISHED"
     assert [point.step for point in client.get_metric_history(run.info.run_id, "validation/loss")] == [2, 4, 6]
     assert {file.path for file in client.list_artifacts(run.info.run_id, "figures")} >= {"figures/curves.png"}
