@@ -28,9 +28,10 @@ KEYS = tuple(leaves(PARAMS))
 # Settings of which there must be some; any other number may be 0.
 NEEDED = """
 fps min_seconds max_seconds min_count clips window steps batch_size learning_rate validate_every log_every width
-code_dim dilation text_width motion_width dim word_dim margin radius pose_frames num_layers dim_feedforward num_heads offsets
-ensemble max_words max_tokens top_p gumbel_temperature sampled_share attention_width latent kernel curriculum_start
-curriculum_add curriculum_patience held_out scored_clips content_dim style_dim repetitions contents codes codebook_size
+code_dim dilation text_width motion_width dim word_dim margin radius pose_frames num_layers dim_feedforward num_heads
+offsets ensemble max_words max_tokens top_p gumbel_temperature sampled_share attention_width latent kernel
+curriculum_start curriculum_add curriculum_patience held_out scored_clips content_dim style_dim repetitions contents
+codes codebook_size
 diversity_contents diversity_samples pose_step pool diversity_pairs multimodality_texts examples multimodality_samples
 multimodality_pairs generation_repetitions prompt_samples
 """
@@ -102,6 +103,7 @@ def test_the_committed_configuration_and_every_scale_pass(repository, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
+        ({"tokenizer": {"beta": 5}}, "tokenizer.beta: renamed: is called tokenizer.commitment_weight now"),
         ({"tokenizer": {"codez": 5}}, "tokenizer.codez: 5: unknown key"),
         (
             {"text2token": {"architecture": "transformer", "num_heads": 7}},

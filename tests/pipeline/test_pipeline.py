@@ -165,15 +165,8 @@ def test_a_stage_ends_well_without_its_tracking_server_and_its_rows_arrive_later
     with socket.socket() as refusing:
         refusing.bind(("127.0.0.1", 0))
         uri = f"http://127.0.0.1:{refusing.getsockname()[1]}"
-        command = [
-            "env",
-            f"MLFLOW_TRACKING_URI={uri}",
-            "python",
-            "stages/tokenizer.py",
-            "tokenizer.commitment_weight=0.3",
-            *options,
-        ]
-        output = project.run(*command)
+        stage = ["python", "stages/tokenizer.py", "tokenizer.commitment_weight=0.3", *options]
+        output = project.run("env", f"MLFLOW_TRACKING_URI={uri}", *stage)
     assert output.count(f"warning: MLflow at {uri}: ") == 1
     assert len(project.runs("tokenizer")[1]) == before
     assert "sent what 1 earlier run left" in project.run("python", "-m", "motionary.pipeline.delivery")

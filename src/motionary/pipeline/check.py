@@ -14,6 +14,7 @@ from typing import Any
 
 from motionary.errors import MOST, WIDEST, InputError, check_whole, configure
 from motionary.systems.registry import find, known
+from motionary.systems.renamed import refuse_old_names
 from motionary.training.settings import SEED_KEY, check_data, model_keys, settings_of
 
 Values = Mapping[str, Any]
@@ -64,6 +65,7 @@ def _check_shared(values: Values) -> None:
 
 def check_system(name: str, own: Values, values: Values, root: Path) -> None:
     """A system's section: its training, how its data is drawn, its network with what other systems decide of it."""
+    refuse_old_names(name, own)
     if SEED_KEY in own:
         check_whole(f"{name}.{SEED_KEY}", own[SEED_KEY], 0)
     for role in find(name).needs:

@@ -65,16 +65,10 @@ class TokenizerConfig:
     trajectory_weight: float = 0.0
 
     def __post_init__(self) -> None:
-        rules = {
-            "quantizer": (self.quantizer in KINDS, f"must be one of {', '.join(KINDS)}"),
-            "codebook_start": (
-                self.codebook_start == -1 or 0 <= self.codebook_start <= 1,
-                "must be in 0..1, or -1 (never)",
-            ),
-        }
-        for key, (holds, rule) in rules.items():
-            if not holds:
-                raise InputError(f"tokenizer.{key}", getattr(self, key), rule)
+        if self.quantizer not in KINDS:
+            raise InputError("tokenizer.quantizer", self.quantizer, f"must be one of {', '.join(KINDS)}")
+        if self.codebook_start != -1:
+            check_range("tokenizer", self, ("codebook_start",), 0, 1)
         check_range("tokenizer", self, ("codebook_size",), 2, WIDEST)
         check_range("tokenizer", self, ("code_dim", "width"), 1, WIDEST)
         check_range("tokenizer", self, ("fine_width",), 0, WIDEST)
@@ -82,13 +76,8 @@ class TokenizerConfig:
         check_range("tokenizer", self, ("dilation",), 1, DEEPEST)
         check_share("tokenizer", self, ("codebook_decay", "restart_below"))
         check_range("tokenizer", self, ("restart_until", "freeze_encoder_from"), 0, 1)
-        check_range(
-            "tokenizer",
-            self,
-            ("commitment_weight", "position_weight", "berhu_threshold", "trajectory_weight"),
-            0,
-            HEAVIEST,
-        )
+        weights = ("commitment_weight", "position_weight", "trajectory_weight", "berhu_threshold")
+        check_range("tokenizer", self, weights, 0, HEAVIEST)
 
 
 class TokenEncoder(nn.Module):
