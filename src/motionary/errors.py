@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
-from numbers import Integral
-from typing import Any, TypeVar
+from functools import cache
+from numbers import Integral, Real
+from typing import Any, TypeVar, get_type_hints
 
 T = TypeVar("T")
 
@@ -54,18 +56,51 @@ def check_values(section: str, config: object, names: Iterable[str], holds: Call
             raise InputError(f"{section}.{name}", value, rule)
 
 
+# Limits of settings that only a slip exceeds: a layer's channels, layers of a stack, a loss weight, anything counted.
+WIDEST, DEEPEST, HEAVIEST, MOST = 65536, 64, 1_000_000, 1_000_000
+
+
+def check_range(section: str, config: object, names: Iterable[str], low: float, high: float) -> None:
+    """InputError for the first attribute of `config`, of those named, outside of `low`..`high`; see `check_values`."""
+    check_values(section, config, names, lambda value: low <= value <= high, f"must be in {low}..{high}")
+
+
+def check_share(section: str, config: object, names: Iterable[str]) -> None:
+    """InputError for the first attribute of `config`, of those named, outside of [0, 1); see `check_values`."""
+    check_values(section, config, names, lambda value: 0 <= value < 1, "must be in [0, 1)")
+
+
 def check_whole(name: str, value: Any, least: int) -> None:
     """InputError unless `value` is a whole number (also of numpy) of at least `least`."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
         raise InputError(name, value, f"must be a whole number, at least {least}")
 
 
+def _number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+_hints = cache(get_type_hints)
+_KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
+    bool: (lambda value: isinstance(value, bool), "must be true or false"),
+    int: (lambda value: isinstance(value, Integral) and not isinstance(value, bool), "must be a whole number"),
+    float: (_number, "must be a number"),
+    str: (lambda value: isinstance(value, str), "must be text"),
+}
+
+
 def configure(cls: type[T], values: Mapping[str, Any], section: str) -> T:
-    """A configuration dataclass from a mapping; a missing or unknown key is an InputError that names `section.key`."""
+    """A configuration dataclass from a mapping; a missing or unknown key, or a value of another
+    kind (number, text, ...), is an InputError that names `section.key`."""
     known = {field.name for field in fields(cls)}  # type: ignore[arg-type]
     for key in values:
         if key not in known:
             raise InputError(f"{section}.{key}", values[key], f"unknown key; known are {', '.join(sorted(known))}")
+    for name, kind in _hints(cls).items():
+        if name in values and name in known and kind in _KINDS:
+            holds, rule = _KINDS[kind]
+            if not holds(values[name]):
+                raise InputError(f"{section}.{name}", values[name], rule)
     try:
         return cls(**{key: tuple(v) if isinstance(v, list) else v for key, v in values.items()})
     except TypeError as error:

@@ -158,6 +158,25 @@ def test_a_changed_an_added_and_a_removed_clip_are_noticed(project):
     moved.write_bytes(bytes_before)
 
 
+def test_a_stage_ends_well_without_its_tracking_server_and_its_rows_arrive_later(project):
+    import socket
+
+    before, options = len(project.runs("tokenizer")[1]), [o for o in project.overrides if not o.startswith("data")]
+    with socket.socket() as refusing:
+        refusing.bind(("127.0.0.1", 0))
+        uri = f"http://127.0.0.1:{refusing.getsockname()[1]}"
+        stage = ["python", "stages/tokenizer.py", "tokenizer.commitment_weight=0.3", *options]
+        output = project.run("env", f"MLFLOW_TRACKING_URI={uri}", *stage)
+    assert output.count(f"warning: MLflow at {uri}: ") == 1
+    assert len(project.runs("tokenizer")[1]) == before
+    assert "sent what 1 earlier run left" in project.run("python", "-m", "motionary.pipeline.delivery")
+    client, runs = project.runs("tokenizer")
+    (run,) = [run for run in runs if run.data.params.get("tokenizer.commitment_weight") == "0.3"]
+    assert run.info.status == "FINISHED"
+    assert [point.step for point in client.get_metric_history(run.info.run_id, "validation/loss")] == [2, 4, 6]
+    assert {file.path for file in client.list_artifacts(run.info.run_id, "figures")} >= {"figures/curves.png"}
+
+
 def test_a_killed_stage_continues_to_the_weights_of_an_unbroken_one(project):
     long = _set(project.overrides, "autoencoder.steps=600", "autoencoder.validate_every=5")
     command = ["dvc", "exp", "run", "autoencoder", *long]
@@ -173,8 +192,8 @@ def test_a_killed_stage_continues_to_the_weights_of_an_unbroken_one(project):
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     assert not (project.root / "models" / "autoencoder").exists()
-    (project.root / ".dvc" / "tmp" / "rwlock").unlink(missing_ok=True)
     project.run(*command)
+    assert not list(project.root.rglob(".unfinished-*"))
     resumed = (project.root / "models" / "autoencoder" / "model.safetensors").read_bytes()
     _, runs = project.runs("autoencoder")
     assert [run.info.status for run in runs] == ["FINISHED"]  # one run, continued

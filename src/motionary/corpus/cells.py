@@ -9,9 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from motionary.corpus.store import Corpus
-from motionary.errors import InputError
+from motionary.errors import MOST, InputError, check_range, check_values
 
 KEPT = 2  # other cells in which each style and each action of a held-out cell stays in training
+
+
+@dataclass(frozen=True)
+class StyleConfig:
+    """The `styles` section of the configuration; see `style_split`."""
+
+    held_out: float = 0.2
+    scored_clips: int = 100
+
+    def __post_init__(self) -> None:
+        check_values("styles", self, ("held_out",), lambda v: 0 < v < 1, "must lie between 0 and 1")
+        check_range("styles", self, ("scored_clips",), 1, MOST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +72,7 @@ def style_split(corpus: Corpus, held_out: float = 0.2, scored_clips: int = 100, 
     Raises:
         InputError: a value is out of range, or a scored style has no cell that could be held out.
     """
-    if not 0 < held_out < 1:
-        raise InputError("styles.held_out", held_out, "must lie between 0 and 1")
-    if scored_clips < 1:
-        raise InputError("styles.scored_clips", scored_clips, "must be at least 1")
+    StyleConfig(held_out, scored_clips)
     styles, actions, clips = corpus.style_ids, corpus.action_ids, corpus.clips
     labeled = (styles >= 0) & ~clips.mirrored
     sources = {clips.origin[i]: (int(styles[i]), int(actions[i])) for i in np.flatnonzero(labeled)}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from motionary.errors import InputError
+from motionary.errors import MOST, InputError
 from motionary.metrics.distribution import diversity, frechet_distance, halves_distance
 from motionary.metrics.intervals import interval
 from motionary.metrics.retrieval import multimodal_distance, r_precision
@@ -32,8 +32,8 @@ class Protocol:
 
     def __post_init__(self):
         for name, value in vars(self).items():
-            if not isinstance(value, bool) and value < 1:
-                raise InputError(f"evaluation.{name}", value, "must be at least 1")
+            if not isinstance(value, bool) and not 1 <= value <= MOST:
+                raise InputError(f"evaluation.{name}", value, f"must be in 1..{MOST}")
         if self.multimodality_samples < 2 * self.multimodality_pairs:
             rule = f"must be at least twice multimodality_pairs ({self.multimodality_pairs})"
             raise InputError("evaluation.multimodality_samples", self.multimodality_samples, rule)

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from motionary.corpus.cells import StyleSplit
 from motionary.corpus.store import Corpus
-from motionary.errors import InputError
+from motionary.errors import MOST, InputError
 from motionary.evaluation.scores import summarize
 from motionary.evaluation.style_draws import HELD_OUT, TARGETS, TEST, Draw, Drawer, pools
 from motionary.evaluation.style_measures import Measured, Measures, local_rotations, scored, spread, turned
@@ -32,8 +32,8 @@ class StyleProtocol:
     def __post_init__(self):
         for name, value in vars(self).items():
             least = 2 if name in ("contents", "diversity_samples") else 1
-            if value < least:
-                raise InputError(f"style_evaluation.{name}", value, f"must be at least {least}")
+            if not least <= value <= MOST:
+                raise InputError(f"style_evaluation.{name}", value, f"must be in {least}..{MOST}")
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,13 @@ class Sender:
 
     def send(self, journal: Path) -> None:
         """Sends what is new in the journal; raises whatever MLflow or the way to it raises."""
+        try:
+            self._send(journal)
+        except Exception:
+            self._check_file()  # of a database that was deleted, MLflow says this and that
+            raise
+
+    def _send(self, journal: Path) -> None:
         run_id = self._run(journal)
         mark = journal.with_suffix(".sent")  # the run, and how much of the journal it has
         known = mark.read_text().split() if mark.exists() else []

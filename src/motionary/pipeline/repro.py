@@ -20,6 +20,8 @@ from typing import Protocol
 
 from motionary.errors import InputError
 from motionary.pipeline import guard
+from motionary.pipeline.check import check_params
+from motionary.pipeline.journal import JOURNALS
 from motionary.pipeline.leftovers import wait_for_running
 
 _POLL, _GRACE = 0.2, 60.0  # seconds between two looks at the stages, and for a stopped one to end by itself
@@ -143,6 +145,12 @@ def repro(root: Path, jobs: int) -> list[str]:
         return schedule(needs, start, jobs, _patience())
 
 
+def send_rest(root: Path) -> None:
+    """Sends to MLflow what stages could not send while they ran; where that still fails, a warning says so."""
+    if any((root / ".cache").glob(f"*/*/{JOURNALS}")):
+        subprocess.run([sys.executable, "-m", "motionary.pipeline.delivery"], cwd=root, check=False)
+
+
 def _patience() -> Callable[[], None]:
     """Waits between two looks; under make it ends this process once make was killed."""
     parent = os.getppid()
@@ -173,8 +181,6 @@ def _stoppable() -> Iterator[None]:
 
 def main(arguments: Sequence[str]) -> int:
     """The command line; exit code 1 where a stage failed, 2 for a bad argument, 130 or 143 where it was stopped."""
-    from dvc.exceptions import DvcException
-
     parser = argparse.ArgumentParser(
         prog="python -m motionary.pipeline.repro", description="dvc repro with independent stages side by side"
     )
@@ -186,8 +192,16 @@ def main(arguments: Sequence[str]) -> int:
             raise InputError("--jobs", options.jobs, "must be at least 1")
         if not Path("dvc.yaml").exists():
             raise InputError("dvc.yaml", "missing", "run this in the project's root")
+        check_params(Path.cwd())
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    from dvc.exceptions import DvcException  # late: it takes a second
+
+    try:
         with _stoppable():
             failed = repro(Path.cwd(), options.jobs)
+            send_rest(Path.cwd())
     except (InputError, DvcException) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

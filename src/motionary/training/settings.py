@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
-from motionary.errors import InputError, configure
+from motionary.errors import HEAVIEST, WIDEST, InputError, check_whole, configure
 
 T = TypeVar("T")
 
@@ -51,12 +51,12 @@ class TrainSettings:
     def check(self, stage: str) -> None:
         """Raises InputError naming the first key that is out of range."""
         rules = {
-            "steps": (self.steps >= 1, "must be at least 1"),
-            "batch_size": (self.batch_size >= 1, "must be at least 1"),
-            "learning_rate": (self.learning_rate > 0, "must be above 0"),
-            "weight_decay": (self.weight_decay >= 0, "must not be negative"),
-            "max_grad_norm": (self.max_grad_norm >= 0, "must not be negative (0 is off)"),
-            "warmup_steps": (self.warmup_steps >= 0, "must not be negative"),
+            "steps": (1 <= self.steps <= 10**8, "must be in 1..100000000"),
+            "batch_size": (1 <= self.batch_size <= WIDEST, f"must be in 1..{WIDEST}"),
+            "learning_rate": (0 < self.learning_rate <= 100, "must be above 0, at most 100"),
+            "weight_decay": (0 <= self.weight_decay <= HEAVIEST, f"must be in 0..{HEAVIEST}"),
+            "max_grad_norm": (0 <= self.max_grad_norm <= HEAVIEST, f"must be in 0..{HEAVIEST} (0 is off)"),
+            "warmup_steps": (0 <= self.warmup_steps <= 10**8, "must be in 0..100000000"),
             "schedule": (self.schedule in ("constant", "cosine"), "must be constant or cosine"),
             "validate_every": (self.validate_every >= 1, "must be at least 1"),
             "patience": (self.patience >= 0, "must not be negative (0 is off)"),
@@ -76,6 +76,16 @@ def settings_of(section: Mapping[str, Any], stage: str) -> TrainSettings:
     settings = configure(TrainSettings, {k: v for k, v in section.items() if k in _TRAINING}, stage)
     settings.check(stage)
     return settings
+
+
+def check_data(section: Mapping[str, Any], stage: str) -> None:
+    """Raises InputError for the first of `DATA_KEYS` in a stage's section that no corpus would allow."""
+    if "window" in section:
+        check_whole(f"{stage}.window", section["window"], 1)
+    for key in {"drop_unit", "balance"} & section.keys():
+        value = section[key]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
+            raise InputError(f"{stage}.{key}", value, "must be a number in 0..1")
 
 
 def model_keys(section: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from torch.nn import functional as F
 
 from motionary.corpus.batch import PairBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError, check_values
+from motionary.errors import HEAVIEST, WIDEST, InputError, check_range, check_share, check_values
 from motionary.features import UNIT
 from motionary.nn.layers import TextEncoder
 from motionary.nn.recurrent import BiGRU
@@ -53,7 +53,10 @@ class EvaluatorConfig:
     def __post_init__(self) -> None:
         if self.objective not in LOSSES:
             raise InputError("evaluator.objective", self.objective, f"must be one of {', '.join(LOSSES)}")
-        check_values("evaluator", self, ("margin", "temperature", "radius"), lambda v: v > 0, "must be positive")
+        check_range("evaluator", self, ("text_width", "motion_width", "dim", "word_dim"), 1, WIDEST)
+        check_share("evaluator", self, ("dropout",))
+        scales = ("margin", "temperature", "radius")
+        check_values("evaluator", self, scales, lambda v: 0 < v <= HEAVIEST, f"must be above 0, at most {HEAVIEST}")
 
 
 class Evaluator(Trainable):

@@ -14,7 +14,7 @@ from torch.nn import functional as F
 
 from motionary.corpus.batch import LabeledBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError, check_values
+from motionary.errors import WIDEST, InputError, check_range, check_share, check_values
 from motionary.features import UNIT
 from motionary.nn.convolutions import Down, ResBlock, coarser, keep
 from motionary.nn.layers import Normalizer, length_mask
@@ -47,10 +47,11 @@ class StyleEvaluatorConfig:
     trained: bool = True
 
     def __post_init__(self) -> None:
-        check_values("style_evaluator", self, ("width", "dim", "scale"), lambda v: v > 0, "must be positive")
+        check_range("style_evaluator", self, ("width", "dim"), 1, WIDEST)
+        check_values("style_evaluator", self, ("scale",), lambda v: 0 < v <= 10_000, "must be above 0, at most 10000")
         shares = ("dropout", "group_dropout", "label_smoothing")
-        check_values("style_evaluator", self, shares, lambda v: 0 <= v < 1, "must lie in [0, 1)")
-        check_values("style_evaluator", self, ("noise",), lambda v: v >= 0, "must not be negative")
+        check_share("style_evaluator", self, shares)
+        check_range("style_evaluator", self, ("noise",), 0, 100)
 
 
 class Classifier(nn.Module):

@@ -12,7 +12,7 @@ from torch.nn import functional as F
 
 from motionary.corpus.batch import MotionBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError
+from motionary.errors import WIDEST, InputError, check_range
 from motionary.nn.convolutions import SLOPE, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
 from motionary.systems.stylization.local_motion import LocalMotion
@@ -30,10 +30,10 @@ class GlobalMotionConfig:
     kernel: int = 3
 
     def __post_init__(self) -> None:
-        if self.width < 1:
-            raise InputError("global_motion.width", self.width, "must be at least 1")
-        if self.kernel < 1 or self.kernel % 2 == 0:
-            raise InputError("global_motion.kernel", self.kernel, "must be odd and positive")
+        check_range("global_motion", self, ("width",), 1, WIDEST)
+        check_range("global_motion", self, ("kernel",), 1, 1023)
+        if self.kernel % 2 == 0:
+            raise InputError("global_motion.kernel", self.kernel, "must be odd")
 
 
 class GlobalMotion(Trainable):

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from motionary.corpus.batch import MotionBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError, check_values
+from motionary.errors import HEAVIEST, WIDEST, InputError, check_range
 from motionary.features import UNIT
 from motionary.nn.convolutions import Down, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
@@ -44,14 +44,8 @@ class LatentsConfig:
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:
             raise InputError("latents.variant", self.variant, f"must be one of {', '.join(VARIANTS)}")
-        check_values("latents", self, ("width", "code_dim"), lambda v: v >= 1, "must be at least 1")
-        check_values(
-            "latents",
-            self,
-            ("kl_weight", "sparsity_weight", "smoothness_weight"),
-            lambda v: v >= 0,
-            "must not be negative",
-        )
+        check_range("latents", self, ("width", "code_dim"), 1, WIDEST)
+        check_range("latents", self, ("kl_weight", "sparsity_weight", "smoothness_weight"), 0, HEAVIEST)
 
 
 class Latents(Trainable):

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from motionary.corpus.batch import LabeledBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError, check_values
+from motionary.errors import DEEPEST, HEAVIEST, WIDEST, InputError, check_range
 from motionary.features import UNIT
 from motionary.nn.convolutions import coarser, keep
 from motionary.nn.layers import length_mask
@@ -56,9 +56,9 @@ class StylizationConfig:
     window: int = 160
 
     def __post_init__(self) -> None:
-        check_values("stylization", self, ("width", "content_dim", "style_dim"), lambda v: v >= 1, "must be at least 1")
-        weights = ("labels", "num_blocks", "hsa", "cycle", "kl", "latent_weight")
-        check_values("stylization", self, weights, lambda v: v >= 0, "must not be negative")
+        check_range("stylization", self, ("width", "content_dim", "style_dim"), 1, WIDEST)
+        check_range("stylization", self, ("num_blocks",), 0, DEEPEST)
+        check_range("stylization", self, ("labels", "hsa", "cycle", "kl", "latent_weight"), 0, HEAVIEST)
 
 
 class Stylizer(Trainable):

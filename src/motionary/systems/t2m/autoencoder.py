@@ -10,7 +10,7 @@ from torch import Tensor
 
 from motionary.corpus.batch import MotionBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError
+from motionary.errors import HEAVIEST, WIDEST, check_range
 from motionary.features import UNIT
 from motionary.nn.layers import length_mask, masked_mean
 from motionary.nn.reconstruction import distance, feature_weights, position_error
@@ -39,8 +39,9 @@ class AutoencoderConfig:
     berhu_threshold: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.berhu_threshold < 0:
-            raise InputError("autoencoder.berhu_threshold", self.berhu_threshold, "must be at least 0")
+        check_range("autoencoder", self, ("width", "code_dim"), 1, WIDEST)
+        weights = ("sparsity_weight", "smoothness_weight", "position_weight", "berhu_threshold")
+        check_range("autoencoder", self, weights, 0, HEAVIEST)
 
     def as_upstream(self) -> dict[str, Any]:
         """What this decides of the config of a system that reads the codes."""

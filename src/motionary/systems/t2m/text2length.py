@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from motionary.corpus.batch import TextBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError, check_values
+from motionary.errors import WIDEST, InputError, check_range, check_share
 from motionary.language import END, UNKNOWN, Sentence
 from motionary.nn.decoding import Sampling
 from motionary.nn.layers import TextEncoder
@@ -43,11 +43,9 @@ class Text2LengthConfig:
     target_std: float = 0.0
 
     def __post_init__(self) -> None:
-        check_values("text2length", self, ("dropout", "word_dropout"), lambda v: 0 <= v < 1, "must be in [0, 1)")
-        if self.target_std < 0:
-            raise InputError(
-                "text2length.target_std", self.target_std, "must not be negative (0: only the true length)"
-            )
+        check_range("text2length", self, ("word_dim", "text_width"), 1, WIDEST)
+        check_share("text2length", self, ("dropout", "word_dropout"))
+        check_range("text2length", self, ("target_std",), 0, 1000)
 
 
 class Text2Length(Trainable):

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from motionary.corpus.batch import PairBatch
 from motionary.corpus.context import Context
-from motionary.errors import check_values
+from motionary.errors import HEAVIEST, MOST, WIDEST, check_range, check_share, check_values
 from motionary.nn.layers import length_mask, masked_mean
 from motionary.nn.snippets import SnippetDecoder, SnippetEncoder
 from motionary.systems.t2m.curriculum import Curriculum
@@ -72,12 +72,14 @@ class Text2MotionConfig:
     hide_contacts: bool = True
 
     def __post_init__(self) -> None:
-        shares = ("dropout", "word_dropout", "teacher_forcing", "curriculum_share")
+        check_range("text2motion", self, ("word_dim", "text_width", "width", "attention_width", "latent"), 1, WIDEST)
+        check_share("text2motion", self, ("dropout",))
+        shares = ("word_dropout", "teacher_forcing", "curriculum_share")
         check_values("text2motion", self, shares, lambda v: 0 <= v <= 1, "must be in 0..1")
         steps = ("curriculum_start", "curriculum_add", "curriculum_patience")
-        check_values("text2motion", self, steps, lambda v: v >= 1, "must be at least 1")
+        check_range("text2motion", self, steps, 1, MOST)
         weights = ("motion_weight", "kl_weight", "decoder_rate", "temperature")
-        check_values("text2motion", self, weights, lambda v: v >= 0, "must not be negative")
+        check_range("text2motion", self, weights, 0, HEAVIEST)
 
 
 class Text2Motion(Trainable):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
+from typing import ClassVar, cast
 
 import torch
 import torch.nn.functional as F
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from motionary.corpus.batch import TokenBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError
+from motionary.errors import HEAVIEST, InputError, check_range
 from motionary.systems.tm2t.motion2text import Motion2Text
 from motionary.systems.tm2t.text2token import Text2Token, Text2TokenConfig
 from motionary.systems.tm2t.token_gru import TokenGRU
@@ -30,6 +30,8 @@ class InverseAlignmentConfig(Text2TokenConfig):
         sampled_share: share of each batch that is sampled and captioned; below 1 a step costs less.
     """
 
+    section: ClassVar[str] = "inverse_alignment"
+
     alignment: bool = True
     caption_weight: float = 1.0
     gumbel_temperature: float = 1.0
@@ -39,8 +41,10 @@ class InverseAlignmentConfig(Text2TokenConfig):
         super().__post_init__()
         if self.architecture != "gru":
             raise InputError("inverse_alignment", self.architecture, "needs text2token.architecture=gru (TM2T 3.3)")
-        if not self.gumbel_temperature > 0:
-            raise InputError("inverse_alignment.gumbel_temperature", self.gumbel_temperature, "must be above 0")
+        check_range("inverse_alignment", self, ("caption_weight",), 0, HEAVIEST)
+        if not 0 < self.gumbel_temperature <= 1000:
+            rule = "must be above 0, at most 1000"
+            raise InputError("inverse_alignment.gumbel_temperature", self.gumbel_temperature, rule)
         if not 0 < self.sampled_share <= 1:
             raise InputError("inverse_alignment.sampled_share", self.sampled_share, "must be in (0, 1]")
 

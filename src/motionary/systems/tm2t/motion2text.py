@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from motionary.corpus.batch import CaptionBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError
+from motionary.errors import DEEPEST, WIDEST, InputError, check_range, check_share
 from motionary.language import PAD
 from motionary.nn.layers import Normalizer, length_mask
 from motionary.nn.transformer import Cache, TokenTransformer
@@ -55,6 +55,15 @@ class Motion2TextConfig:
     offsets: int = 1
     ensemble: int = 1
     max_words: int = 30
+
+    def __post_init__(self) -> None:
+        sizes, stacks = ("width", "dim_feedforward", "num_heads"), ("num_layers", "pose_frames", "offsets", "ensemble")
+        check_range("motion2text", self, sizes, 1, WIDEST)
+        check_range("motion2text", self, stacks, 1, DEEPEST)
+        check_range("motion2text", self, ("max_words",), 1, 1000)
+        check_share("motion2text", self, ("dropout", "label_smoothing", "token_dropout"))
+        if self.width % self.num_heads:
+            raise InputError("motion2text.width", self.width, f"must be divisible by num_heads={self.num_heads}")
 
 
 class Motion2Text(Trainable):

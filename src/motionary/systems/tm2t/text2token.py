@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 import torch.nn.functional as F
@@ -11,9 +11,8 @@ from torch import Tensor, nn
 
 from motionary.corpus.batch import TokenBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError, check_values
+from motionary.errors import DEEPEST, MOST, WIDEST, InputError, check_range, check_share, check_values
 from motionary.language import END, UNKNOWN
-from motionary.nn.decoding import Sampling
 from motionary.nn.layers import WordEmbedding, length_mask
 from motionary.nn.transformer import Cache, TokenTransformer
 from motionary.systems.tm2t.token_gru import TokenGRU
@@ -45,6 +44,8 @@ class Text2TokenConfig:
         guidance: scale of classifier-free guidance (Ho and Salimans, 2022); 1 is off.
     """
 
+    section: ClassVar[str] = "text2token"  # of the configuration, for messages
+
     codebook_size: int
     tokenizer: str = "tokenizer"
     architecture: str = "gru"
@@ -71,14 +72,20 @@ class Text2TokenConfig:
 
     def __post_init__(self):
         shares = ("teacher_forcing_start", "teacher_forcing_end", "token_dropout", "word_dropout", "text_dropout")
-        check_values("text2token", self, shares, lambda v: 0 <= v <= 1, "must be a probability, 0 to 1")
+        check_values(self.section, self, shares, lambda v: 0 <= v <= 1, "must be a probability, 0 to 1")
+        check_share(self.section, self, ("dropout", "label_smoothing"))
+        check_range(self.section, self, ("word_dim", "text_width", "width", "dim_feedforward", "num_heads"), 1, WIDEST)
+        check_range(self.section, self, ("num_layers",), 1, DEEPEST)
+        check_range(self.section, self, ("max_tokens",), 1, MOST)
+        check_range(self.section, self, ("top_k", "guidance"), 0, WIDEST)
+        check_values(self.section, self, ("temperature",), lambda v: 0 < v <= 1000, "must be above 0, at most 1000")
+        check_values(self.section, self, ("top_p",), lambda v: 0 < v <= 1, "must be above 0, at most 1")
         if self.architecture not in ("gru", "transformer"):
-            raise InputError("text2token.architecture", self.architecture, "must be gru or transformer")
+            raise InputError(f"{self.section}.architecture", self.architecture, "must be gru or transformer")
         if self.architecture == "transformer" and self.width % self.num_heads:
-            raise InputError("text2token.width", self.width, f"must be divisible by heads={self.num_heads}")
+            raise InputError(f"{self.section}.width", self.width, f"must be divisible by heads={self.num_heads}")
         if self.guidance != 1 and not self.text_dropout:
-            raise InputError("text2token.guidance", self.guidance, "must be 1 unless text_dropout is above 0")
-        Sampling(self.temperature, self.top_k, self.top_p)
+            raise InputError(f"{self.section}.guidance", self.guidance, "must be 1 unless text_dropout is above 0")
 
 
 class TransformerTokens(nn.Module):

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from motionary.corpus.batch import MotionBatch
 from motionary.corpus.context import Context
-from motionary.errors import InputError
+from motionary.errors import DEEPEST, HEAVIEST, WIDEST, InputError, check_range, check_share
 from motionary.features import UNIT, width
 from motionary.nn.convolutions import Down, ResBlock, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
@@ -65,18 +65,19 @@ class TokenizerConfig:
     trajectory_weight: float = 0.0
 
     def __post_init__(self) -> None:
-        rules = {
-            "codebook_size": (self.codebook_size >= 2, "must be at least 2"),
-            "code_dim": (self.code_dim >= 1, "must be at least 1"),
-            "width": (self.width >= 1, "must be at least 1"),
-            "dilation": (self.dilation >= 1, "must be at least 1"),
-            "quantizer": (self.quantizer in KINDS, f"must be one of {', '.join(KINDS)}"),
-            "berhu_threshold": (self.berhu_threshold >= 0, "must be at least 0"),
-            "codebook_decay": (0 <= self.codebook_decay < 1, "must be in [0, 1)"),
-        }
-        for key, (holds, rule) in rules.items():
-            if not holds:
-                raise InputError(f"tokenizer.{key}", getattr(self, key), rule)
+        if self.quantizer not in KINDS:
+            raise InputError("tokenizer.quantizer", self.quantizer, f"must be one of {', '.join(KINDS)}")
+        if self.codebook_start != -1:
+            check_range("tokenizer", self, ("codebook_start",), 0, 1)
+        check_range("tokenizer", self, ("codebook_size",), 2, WIDEST)
+        check_range("tokenizer", self, ("code_dim", "width"), 1, WIDEST)
+        check_range("tokenizer", self, ("fine_width",), 0, WIDEST)
+        check_range("tokenizer", self, ("encoder_blocks", "decoder_blocks", "fine_blocks"), 0, DEEPEST)
+        check_range("tokenizer", self, ("dilation",), 1, DEEPEST)
+        check_share("tokenizer", self, ("codebook_decay", "restart_below"))
+        check_range("tokenizer", self, ("restart_until", "freeze_encoder_from"), 0, 1)
+        weights = ("commitment_weight", "position_weight", "trajectory_weight", "berhu_threshold")
+        check_range("tokenizer", self, weights, 0, HEAVIEST)
 
 
 class TokenEncoder(nn.Module):
