@@ -101,7 +101,7 @@ def test_division_loses_no_key(repository):
         ("tokenizer", "tokenizer.nonsense=1", "Could not override"),
         ("tokenizer", "tokenizer.codes=64", "tokenizer.codes: renamed: is called tokenizer.codebook_size now"),
         ("evaluator", "+evaluator.clip=1", "evaluator.clip: renamed: is called evaluator.max_grad_norm now"),
-        ("tokenizer", "tokenizer.steps=0", "tokenizer.steps: 0: must be at least 1"),
+        ("tokenizer", "tokenizer.steps=0", "tokenizer.steps: 0: must be in 1..100000000"),
         ("tokenizer", "seed=-1", "seed: -1: must be a whole number, at least 0"),
         ("evaluator", "seed=1", "stage evaluator reads only"),
         ("evaluator", "evaluator.seed=x", "evaluator.seed: x: must be a whole number, at least 0"),
