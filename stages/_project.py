@@ -1,4 +1,4 @@
-"""What comes before everything else in a stage: the sources beside it, threads that wait politely, keys of old."""
+"""Imported first by every stage: finds the sources beside it, bounds how long threads spin, answers old keys."""
 
 import os
 import sys

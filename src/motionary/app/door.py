@@ -27,7 +27,7 @@ def refusal(headers: Mapping[str, str], local: bool, origins: Sequence[str] = ()
     Args:
         headers: of the request, which may be for a page or to open a WebSocket.
         local: whether the server listens to this machine alone.
-        origins: sites ("https://motion.example.org") that are trusted besides the server's own.
+        origins: sites ("https://motion.example.org") that are trusted in addition to the server's own.
     """
     try:
         host, origin = headers.get("Host", "").lower(), headers.get("Origin", "").lower()

@@ -40,7 +40,7 @@ class App:
             models, device: see `motionary.load`.
             host: the address to listen on; 127.0.0.1 is reached from this machine alone.
             port: 0 takes any that is free.
-            origins: sites ("https://motion.example.org") whose pages may connect besides this server's own.
+            origins: sites ("https://motion.example.org") whose pages may connect in addition to this server's own.
 
         Raises:
             InputError: no models, or an address that cannot be had: what, value, rule.

@@ -109,7 +109,7 @@ def without_bind_pose(motion: Motion) -> Motion:
     first = calm[0]
 
     def held(values: np.ndarray) -> np.ndarray:
-        """With the first calm frame in the place of those before it."""
+        """With the first calm frame in place of those before it."""
         return np.concatenate([np.repeat(values[first : first + 1], first, axis=0), values[first:]])
 
     rotations = None if motion.rotations is None else held(motion.rotations)

@@ -25,7 +25,7 @@ def score_captioner(
     """Report of a motion-to-text system.
 
     Captions come from a beam search of size 2 (TM2T 4.3). Where the captioner can draw, "consensus" scores those by
-    consensus of its draws besides: with many wordings of one meaning the likeliest one is seldom the one that agrees
+    consensus of its draws too: with many wordings of one meaning the likeliest one is seldom the one that agrees
     best with the references.
 
     Args:

@@ -1,4 +1,4 @@
-"""The test items of a corpus and the parts of them that are always also reported apart."""
+"""The test items of a corpus, and the parts of them that every table reports separately."""
 
 from __future__ import annotations
 

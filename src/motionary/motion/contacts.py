@@ -1,4 +1,4 @@
-"""Which feet stand."""
+"""Foot contacts: which ankles and toes stand still, frame by frame."""
 
 from __future__ import annotations
 

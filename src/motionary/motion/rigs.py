@@ -1,6 +1,6 @@
 """What the joints' names tell: the roles of known rigs (names are data, ``rigs.json``; roles are the SMPL joint names).
 
-A rig of ``rigs.json`` lists the names that its programs use for each joint, with ``*`` in the place of the side.
+A rig of ``rigs.json`` lists the names that its programs use for each joint, with ``*`` in place of the side.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def refuse_old_names(section: str, keys: Iterable[str]) -> None:
 
 
 def answer_old_overrides(arguments: Iterable[str]) -> None:
-    """Ends the program with one line and exit code 2 where an override uses a name of old: Hydra would only say that it
+    """Ends the program with one line and exit code 2 where an override uses an old name: Hydra would only say that it
     does not know it."""
     for argument in arguments:
         section, _, key = argument.lstrip("+~").split("=", 1)[0].partition(".")

@@ -96,7 +96,7 @@ class _Run:
         torch.manual_seed(seed + 7919 * fabric.global_rank)
         groups = _groups(model, settings.learning_rate)
         self.rates = [group["lr"] for group in groups]
-        # Fused: one pass over the weights in the place of ten, also on a CPU.
+        # Fused: one pass over the weights in place of ten, also on a CPU.
         optimizer = torch.optim.AdamW(groups, lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True)
         self.wrapped, self.optimizer = fabric.setup(model, optimizer)
         self.wrapped.mark_forward_method("loss")

@@ -1,4 +1,4 @@
-"""BVH files out: rotation channels Z X Y, the root's position, and positions where a joint moves besides."""
+"""Writing BVH files: rotation channels Z X Y, the root's position, and positions of joints that also move."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROTATIONS = [("rotation", axis) for axis in (2, 0, 1)]  # z x y, as most progra
 
 
 def write_bvh(motion: Motion, path: str | os.PathLike, unit: float = 0.01, force: bool = True) -> Path:
-    """Write a BVH file with rotation channels Z X Y, the root's position, and positions where a joint moves besides.
+    """Write a BVH file with rotation channels Z X Y, the root's position, and positions of joints that also move.
 
     Without rotations they are fitted, and bones become constant (`motionary.motion.fit_rotations`).
 

@@ -77,7 +77,7 @@ class StyleTransfer:
             seeds: one a content, of the prior's draws.
             labels: style ids, one a content; "supervised" needs them, "unsupervised" refuses them.
             references: raw features of style motions, one a content, at least `receptive` frames each.
-            codes: (N, D_s) style codes in the place of references and draws.
+            codes: (N, D_s) style codes in place of references and draws.
             strength: how far to go from the content's codes to the stylized ones: 0 gives the content back as the
                 autoencoder knows it, 1 the stylized motion, more exaggerates. (Not in the thesis.)
             predict_root: False copies the content's root velocities ("w/o GMP", Table 5.7).

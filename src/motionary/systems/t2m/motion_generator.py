@@ -42,7 +42,7 @@ class MotionGenerator:
             seeds: one per sentence; equal sentence, seed and options give equal motion.
             frames: lengths to hold, from one unit to the longest window; otherwise text2length draws them.
             temperature: factor on the deviation of the latent draws.
-            greedy: the likeliest length and the mean latent in the place of draws.
+            greedy: the likeliest length and the mean latent in place of draws.
             unused: options of systems that write tokens (top_k, top_p, guidance).
 
         Returns:

@@ -90,7 +90,7 @@ class TemporalVAE(nn.Module):
         attention: dimensions of the attended words; 0 is without local word attention (Table 4.4): the sentence then
             acts through the initial states alone.
         latent: dimensions of z.
-        tags: read word classes besides words.
+        tags: read word classes in addition to words.
         positions: add the time to arrival.
         dropout: on word features and on the codes that are read.
     """

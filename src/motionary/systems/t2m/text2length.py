@@ -28,7 +28,7 @@ class Text2LengthConfig:
 
     Attributes:
         word_dim, text_width: of the text encoder; text_width is one direction of its GRU.
-        tags: read word classes besides words.
+        tags: read word classes in addition to words.
         dropout: on embedded words and on the sentence feature.
         word_dropout: share of words that are unknown while training, so that unknown words can be met.
         target_std: the target is a bell of this standard deviation, in units, around the true length; 0 is the thesis's

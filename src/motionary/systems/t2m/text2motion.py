@@ -29,7 +29,7 @@ class Text2MotionConfig:
         width: of the three GRUs.
         attention_width: of the attended words.
         latent: dimensions of z.
-        snippets: False is the row "w/o SnC" of Table 4.4: single normalized poses in the place of snippet codes.
+        snippets: False is the row "w/o SnC" of Table 4.4: single normalized poses in place of snippet codes.
         attention: False is "w/o Att": the sentence then acts through the initial states alone.
         tags: False is "w/o PoS".
         positions: False is "w/o PoE".

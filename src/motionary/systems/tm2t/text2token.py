@@ -30,7 +30,7 @@ class Text2TokenConfig:
         word_dim, text_width: of the text encoder; text_width is one direction of its GRU.
         width: of the token GRU, or of the Transformer.
         num_layers, dim_feedforward, num_heads: of the Transformer, `layers` in encoder and decoder each.
-        tags: read word classes besides words.
+        tags: read word classes in addition to words.
         positions: add sinusoids of the time step to the GRU's tokens (Table 3).
         dropout: on word features, token embeddings, outputs and branches.
         label_smoothing: share of the target's probability spread over all tokens (0 in the paper).

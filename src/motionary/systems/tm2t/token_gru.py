@@ -52,7 +52,7 @@ class TokenGRU(nn.Module):
         codes: motion codes K; tokens K, K + 1 and K + 2 are start, end and padding.
         words: size of the vocabulary; `word_dim` and `text_width` (per direction) of the text encoder.
         width: of the token GRU.
-        tags: read word classes besides words.
+        tags: read word classes in addition to words.
         positions: add sinusoids of the time step to the token embeddings.
         dropout: on word features, token embeddings and outputs.
     """
