@@ -104,9 +104,12 @@ def _placed(points: np.ndarray, root: np.ndarray, skeleton: Skeleton, trunk: Map
 def _same_shape(motion: Motion, skeleton: Skeleton, points: np.ndarray, known: np.ndarray) -> bool:
     """Whether source and target are one body, perhaps of another size: then no part of it has to be reshaped.
 
-    Either all bones have the target's proportions, or the source's rotations stand on a rest pose whose bones have
-    the target's directions.
+    Either it says so by its skeleton, as what models of the target make does, whose bones are never quite as long; or
+    all bones have the target's proportions; or the source's rotations stand on a rest pose whose bones have the
+    target's directions.
     """
+    if motion.skeleton.joints == skeleton.joints and np.array_equal(motion.skeleton.offsets, skeleton.offsets):
+        return True
     joints = [j for j in range(1, len(skeleton)) if known[j]]
     above = [_known_above(skeleton, known, j) for j in joints]
     gap = np.median(np.linalg.norm(points[:, joints] - points[:, above], axis=-1), axis=0)

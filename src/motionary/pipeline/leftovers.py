@@ -23,6 +23,8 @@ def outputs(root: Path, stage: str) -> Iterator[Path]:
     """The outs, metrics and plots that dvc.yaml declares of a stage; of `evaluation@tokenizer`, those of that item."""
     name, _, item = stage.partition("@")
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    if not (root / "dvc.yaml").is_file():
+        return
     with (root / "dvc.yaml").open() as file:
         declared = yaml.load(file, loader)["stages"].get(name, {})
     declared = declared.get("do", declared)

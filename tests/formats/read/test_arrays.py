@@ -9,6 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from motionary.corpus.demo import demo_clip
 from motionary.errors import InputError
 from motionary.formats import read_motion, write_motion
 from motionary.formats.read import read_motion_with
@@ -52,7 +53,15 @@ def test_npy_of_known_layouts(tmp_path, kind, joints, name):
     positions = np.random.default_rng(0).normal(size=(7, joints, 3)).astype(kind)
     np.save(tmp_path / "a.npy", positions)
     motion = read_motion(tmp_path / "a.npy")
-    assert motion.skeleton == Skeleton.named(name)
+    known = Skeleton.named(name)
+    assert (motion.skeleton.name, motion.skeleton.joints, motion.skeleton.parents) == (
+        name,
+        known.joints,
+        known.parents,
+    )
+    # The layout says how joints hang together; whose they are, the bones' own lengths do.
+    bones = np.linalg.norm(motion.positions[:, 1:] - motion.positions[:, list(known.parents[1:])], axis=-1)
+    np.testing.assert_allclose(motion.skeleton.bone_lengths[1:], np.median(bones, axis=0), rtol=1e-4)
     assert motion.fps == 20
     assert motion.positions.dtype == np.float32
     np.testing.assert_array_equal(motion.positions, positions.astype(np.float32))
@@ -276,3 +285,9 @@ def test_unknown_options_are_named(tmp_path, motion):
         motion.save(tmp_path / "a.npy", captions="x")
     with pytest.raises(InputError, match="speed"):
         read_motion(tmp_path / "a.npy", speed=2)
+
+
+def test_an_array_of_the_layouts_own_body_keeps_its_skeleton(tmp_path):
+    motion = demo_clip(3)[0]
+    motion.save(tmp_path / "a.npy")
+    assert read_motion(tmp_path / "a.npy").skeleton == Skeleton.named("smpl22")

@@ -22,6 +22,7 @@ _BARE = {22: "smpl22", 24: "smpl22", 52: "smpl22", 21: "kit21"}
 _FEATURES = {263: ("smpl22", 20.0), 251: ("kit21", 12.5)}
 _LOWEST, _HIGHEST = 0.05, 2000.0  # root heights of raw features, in metres or (KIT-ML) millimetres
 _DEFAULT_FPS = 20.0  # HumanML3D's rate, at which bare joint arrays are usually stored
+_SAME = 0.01  # metres by which bones of one body differ at most
 _OURS = ReadingOptions(up="y", unit=1.0, mirror=False)
 # Bare arrays are nearly always in metres and y up, HumanML3D's way.
 _USUAL = {
@@ -61,7 +62,7 @@ def npy_with(
     array = _unpacked(path, array, skeleton)
     if array.ndim == 2:
         return _decoded(path, array, fps, options)
-    return _motion(path, array, fps, skeleton, options)
+    return _on_its_body(_motion(path, array, fps, skeleton, options))
 
 
 def npz_with(
@@ -95,7 +96,8 @@ def npz_with(
     positions = _unpacked(path, arrays["positions"], skeleton)
     if positions.ndim != 3:
         raise _shape_error(path, positions)
-    return _motion(path, positions, fps, skeleton, options, arrays.get("rotations"))
+    found = _motion(path, positions, fps, skeleton, options, arrays.get("rotations"))
+    return found if "skeleton" in arrays or "rotations" in arrays else _on_its_body(found)
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
@@ -181,6 +183,20 @@ def _motion(
         return settled_motion(motion, options, _USUAL)
     except InputError as error:
         raise InputError(f"{path}, {error.what}", error.value, error.rule) from None
+
+
+def _on_its_body(found: tuple[Motion, Reading]) -> tuple[Motion, Reading]:
+    """The motion with a skeleton of the lengths that its bones have: a layout says how joints hang together, and not
+    whose they are. Where they differ by less than a centimetre, the layout's own skeleton stays."""
+    motion, reading = found
+    skeleton, joints = motion.skeleton, motion.positions.astype(np.float64)
+    bones = np.linalg.norm(joints[:, 1:] - joints[:, list(skeleton.parents[1:])], axis=-1)
+    lengths, own = np.median(bones, axis=0), skeleton.bone_lengths[1:]
+    if np.abs(lengths - own).max() < _SAME or not (own > 0).all():
+        return found
+    offsets = skeleton.offsets.copy()
+    offsets[1:] *= (lengths / own)[:, None]
+    return Motion(motion.positions, motion.fps, skeleton.with_offsets(offsets), motion.rotations), reading
 
 
 def settled_motion(
