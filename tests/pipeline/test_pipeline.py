@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 MICRO = """# @package _global_
 scale: micro
 autoencoder: {width: 8, code_dim: 8, steps: 4, batch_size: 4, validate_every: 2}
-tokenizer: {codes: 8, code_dim: 8, width: 8, fine_width: 8, steps: 6, batch_size: 4, validate_every: 2}
+tokenizer: {codebook_size: 8, code_dim: 8, width: 8, fine_width: 8, steps: 6, batch_size: 4, validate_every: 2}
 """
 LAST = "tokenizer"
 
