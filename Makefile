@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
-.PHONY: help setup repro test measured check params deps sweep mlflow app bench study clean
+.PHONY: help setup repro test measured check params sweep mlflow app bench study clean
 
 help:  ## what each target does
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -36,13 +36,10 @@ measured: setup  ## reads 200 real clips turned, scaled and mirrored: up, unit a
 check: setup  ## fast checks: style, types, generated files
 	@ruff check . && ruff format --check .
 	@pyright --pythonpath $(BIN)/python
-	@python -m motionary.pipeline.dependencies --check
+	@python -m motionary.pipeline.params check
 
 params: setup  ## recompose params.yaml from conf/
 	@python -m motionary.pipeline.params write
-
-deps: setup  ## bring the code dependencies in dvc.yaml up to date with the imports
-	@python -m motionary.pipeline.dependencies
 
 sweep: setup  ## an example sweep: two learning rates of the tokenizer, in parallel
 	@python stages/tokenizer.py -m tokenizer.learning_rate=1e-4,3e-4 hydra/launcher=joblib
@@ -62,4 +59,4 @@ study: setup  ## seeds, second split, controls, ablations and baselines on the r
 	@python -m motionary.study
 
 clean:  ## remove outputs and caches of stages, keep the DVC cache and the tracking database
-	@rm -rf models data/corpus data/.unfinished-* data/sources/.unfinished-* data/sources/root_* reports .cache outputs multirun
+	@rm -rf models data/corpus data/.unfinished-* data/sources/.unfinished-* data/sources/root_* reports .cache .code outputs multirun

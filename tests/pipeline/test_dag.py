@@ -1,9 +1,10 @@
-"""The map: names run from end to end, code dependencies are the real imports."""
+"""The map: names run from end to end, every stage hangs on its code and on all models that it opens."""
 
 import yaml
 
-from motionary.pipeline.dependencies import INFRASTRUCTURE, code_dependencies, code_hash, rewrite
-from motionary.systems.registry import find
+from motionary.pipeline.code import FOLDER, Code
+from motionary.study.experiments import paths_of, with_values
+from motionary.systems.registry import filled, find, served_by
 
 # Stages without a model of their own.
 PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "report"}
@@ -11,7 +12,7 @@ PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "report"}
 
 def stages(repository):
     loaded = yaml.safe_load((repository / "dvc.yaml").read_text())["stages"]
-    return {name: stage.get("do", stage) for name, stage in loaded.items()}
+    return {name: stage.get("do", stage) for name, stage in loaded.items() if name != "code"}
 
 
 def test_one_name_from_end_to_end(repository):
@@ -40,79 +41,53 @@ def test_a_stage_that_draws_depends_on_its_seed(repository):
         assert ("seed" in stage.get("params", [])) == (draws and not own), name
 
 
-def test_dependencies_are_the_imports(repository):
-    assert rewrite(repository) == (repository / "dvc.yaml").read_text(), "run `make deps`"
-
-
-def test_dependencies_follow_relative_lazy_and_inner_imports(tmp_path):
-    package = tmp_path / "src" / "motionary"
-    (package / "a").mkdir(parents=True)
-    (package / "__init__.py").write_text("")
-    (package / "a" / "__init__.py").write_text('_HOMES = {"Thing": "motionary.a.thing"}\n_P = {"more": ("Other",)}\n')
-    (package / "a" / "thing.py").write_text("from ..b import x\n")
-    (package / "a" / "more.py").write_text("")
-    (package / "a" / "unused.py").write_text("")
-    (package / "b.py").write_text("def f():\n    import motionary.c\n")
-    (package / "c.py").write_text(
-        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import motionary.a.unused\n"
-    )
-    stage = tmp_path / "stages" / "s.py"
-    stage.parent.mkdir()
-    stage.write_text("from motionary.a import Thing, Other\n")
-    found = code_dependencies(tmp_path, stage)
-    names = [path.removeprefix("src/motionary/") for path in found]
-    assert names == ["a/__init__.py", "a/more.py", "a/thing.py", "b.py", "c.py", "stages/s.py"]
-    before = code_hash(tmp_path, "s")
-    (package / "a" / "unused.py").write_text("unused = True\n")
-    assert code_hash(tmp_path, "s") == before
-    (package / "c.py").write_text("used = True\n")
-    assert code_hash(tmp_path, "s") != before
-
-
-def test_dependencies_are_also_the_data_that_modules_name(tmp_path, repository):
-    package = tmp_path / "src" / "motionary"
-    for folder in ("a/tables", "a/modules", "a/unnamed"):
-        (package / folder).mkdir(parents=True)
-    (package / "a" / "__init__.py").write_text('"""Words and tables, in one.json."""\n')
-    (package / "a" / "read.py").write_text('NAMES = "one.json", "tables", "modules"\n')
-    (package / "a" / "modules" / "two.py").write_text("")
-    for name in ("one.json", "other.json", "tables/three.json", "unnamed/four.json"):
-        (package / "a" / name).write_text("{}")
-    stage = tmp_path / "stages" / "s.py"
-    stage.parent.mkdir()
-    stage.write_text("from motionary.a import read\n")
-    found = code_dependencies(tmp_path, stage)
-    names = [path.removeprefix("src/motionary/") for path in found]
-    assert names == ["a/one.json", "a/read.py", "a/tables", "stages/s.py"]
-    before = code_hash(tmp_path, "s")
-    (package / "a" / "tables" / "five.json").write_text("{}")
-    assert code_hash(tmp_path, "s") != before
-    read = ("motion/rigs.json", "motion/skeletons", "language/dictionary.json")
-    assert {f"src/motionary/{name}" for name in read} <= set(stages(repository)["preprocess"]["deps"])
-
-
-def test_code_of_the_models_that_a_stage_reads_counts_although_they_are_opened_by_name(repository):
-    for name in ("retrieval", "evaluation"):
-        deps = stages(repository)[name]["deps"]
-        assert "models/evaluator" in deps
-        assert "src/motionary/systems/judges/evaluator.py" in deps
-    # Which system a stage evaluates is not known to the map: its code comes by the report of its stage.
-    evaluated = stages(repository)["evaluation"]["deps"]
-    assert {"models/${item}", "reports/${item}.json"} <= set(evaluated)
+def test_every_stage_hangs_on_the_listing_of_its_code(repository):
+    pipeline = yaml.safe_load((repository / "dvc.yaml").read_text())
+    assert pipeline["stages"]["code"]["always_changed"]
+    assert paths_of(pipeline["stages"]["code"], "outs") == [FOLDER]
     params = yaml.safe_load((repository / "params.yaml").read_text())
+    params["source"]["roots"] = ["clips"]
+    written, named = Code(repository).names(), set()
+    for name, stage in with_values(pipeline, params)["stages"].items():
+        if name == "code":
+            continue
+        (listing,) = (path for path in stage["deps"] if path.startswith(f"{FOLDER}/"))
+        assert listing == f"{FOLDER}/{'source' if name == 'source@clips' else name}.txt"
+        named.add(listing.removeprefix(f"{FOLDER}/").removesuffix(".txt"))
+    assert named <= set(written)
+    assert {name for name in written if "@" not in name} <= named
+
+
+def test_an_evaluation_hangs_on_every_model_that_it_opens(repository):
+    pipeline = yaml.safe_load((repository / "dvc.yaml").read_text())
+    params = yaml.safe_load((repository / "params.yaml").read_text())
+    found = with_values(pipeline, params)["stages"]
     for system in params["evaluation"]["systems"]:
-        assert stages(repository)[system]["metrics"] == [f"reports/{system}.json"]
+        models = {path for path in found[f"evaluation@{system}"]["deps"] if path.startswith("models/")}
+        assert models == {f"models/{name}" for name in served_by([system, "retrieval"])}
+    assert "models/text2length" in found["evaluation@text2motion"]["deps"]
+    assert "models/text2length" not in found["text2motion"]["deps"]  # it is trained without
+
+
+def test_a_role_is_filled_as_the_configuration_says():
+    sections = {"text2token": {"tokenizer": "residual"}, "other": {"tokenizer": "wrong"}}
+
+    def section(name):
+        return sections.get(name, {})
+
+    assert filled("text2token", section) == {"tokenizer": "residual"}
+    roles = filled("inverse_alignment", section)
+    assert roles == {"text2token": "text2token", "motion2text": "motion2text", "tokenizer": "residual"}
+
+
+def test_the_map_is_short(repository):
+    assert len((repository / "dvc.yaml").read_text().splitlines()) <= 350
 
 
 def test_the_page_depends_on_every_report_that_it_shows(repository):
     shown = {path for name, stage in stages(repository).items() for path in stage.get("metrics", [])}
-    shown -= {"reports/summary.json", "reports/retrieval.json", "reports/evaluation/${item}.json"}
+    shown -= {"reports/summary.json", "reports/retrieval.json", "reports/evaluation/${key}.json"}
     assert shown <= set(stages(repository)["report"]["deps"])
-
-
-def test_what_is_called_infrastructure_exists(repository):
-    for path in INFRASTRUCTURE:
-        assert (repository / path).exists(), path
 
 
 def test_models_folder_of_the_package_is_tracked(repository):

@@ -15,7 +15,7 @@ from torch.nn.utils import parameters_to_vector
 
 from motionary.corpus.store import Corpus
 from motionary.corpus.token_store import TokenStore
-from motionary.pipeline.dependencies import code_hash
+from motionary.pipeline.code import code_hash
 from motionary.systems.io import load_model, open_system
 
 pytestmark = pytest.mark.slow

@@ -122,6 +122,28 @@ def test_only_what_changed_runs_again(project):
     assert not log(project)  # the cache still has it
 
 
+def test_what_dvc_always_runs_goes_first_and_is_no_work(project, capfd):
+    """As the stage `code`: it takes stock of what changed, here of the first letter of a file."""
+    pipeline = yaml.safe_load((project / "dvc.yaml").read_text())
+    take = "open('.code', 'w').write(open('text').read()[0]); open('stock', 'a').write('.')"
+    pipeline["stages"]["code"] = {"cmd": f'{sys.executable} -c "{take}"', "always_changed": True}
+    pipeline["stages"]["code"]["outs"] = [{".code": {"cache": False, "persist": True}}]
+    pipeline["stages"]["b"]["deps"].append(".code")
+    (project / "dvc.yaml").write_text(yaml.safe_dump(pipeline))
+    (project / "seconds").write_text("0")
+    (project / "text").write_text("first")
+    assert main([]) == 0
+    (project / "log").unlink()
+    (project / "text").write_text("fist")
+    assert main([]) == 0
+    assert not log(project)
+    assert "up to date" in capfd.readouterr().out
+    (project / "text").write_text("second")
+    assert main([]) == 0
+    assert log(project) == ["start b", "end b"]  # what b wrote is what it was before, so that d stays
+    assert (project / "stock").read_text() == "..."
+
+
 def test_a_failed_stage_ends_the_run_and_the_next_goes_on(project, capfd):
     (project / "source").write_text("x")
     assert main(["--jobs", "2"]) == 1

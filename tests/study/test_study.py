@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from motionary.errors import InputError
-from motionary.pipeline.dependencies import code_hash
+from motionary.pipeline.code import code_hash
 from motionary.study import __main__ as runner
 from motionary.study.compare import comparisons, measured, study_tables
 from motionary.study.experiments import compose, read_pipeline, read_study, scoring_stage, sections_read, with_values

@@ -5,9 +5,12 @@ from __future__ import annotations
 import hashlib
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
-from motionary.corpus.clips import Clip
 from motionary.errors import InputError
+
+if TYPE_CHECKING:  # at run time whatever opens a corpus would load how files are read
+    from motionary.corpus.clips import Clip
 
 SPLITS = ("train", "val", "test")
 KINDS = ("clip", "subject", "combination", "given")

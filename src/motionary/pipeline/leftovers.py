@@ -30,7 +30,7 @@ def outputs(root: Path, stage: str) -> Iterator[Path]:
     declared = declared.get("do", declared)
     for entry in (*declared.get("outs", ()), *declared.get("metrics", ()), *declared.get("plots", ())):
         path = next(iter(entry)) if isinstance(entry, dict) else entry
-        yield root / path.replace("${item}", item)
+        yield root / path.replace("${item}", item).replace("${key}", item)
 
 
 def remove_unfinished(root: Path, stage: str) -> None:

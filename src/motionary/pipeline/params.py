@@ -1,4 +1,4 @@
-"""params.yaml from conf/, exactly as DVC composes it: ``python -m motionary.pipeline.params write|diff``."""
+"""params.yaml from conf/, exactly as DVC composes it: ``python -m motionary.pipeline.params write|diff|check``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def differences(root: Path) -> dict[str, tuple[Any, Any]]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """``write [OVERRIDE...]`` recomposes params.yaml; ``diff`` says in one line what differs from the defaults."""
+    """``write [OVERRIDE...]`` recomposes params.yaml; ``diff`` says in one line what differs from the defaults;
+    ``check`` fails where the file differs at all."""
     root = Path.cwd()
     if not (root / "conf" / "config.yaml").exists():
         print("error: run this in the project's root, where conf/ is", file=sys.stderr)
@@ -47,7 +48,11 @@ def main(arguments: Sequence[str]) -> int:
         more = f" and {len(found) - 8} more" if len(found) > 8 else ""
         print(f"params.yaml: {shown}{more}" if found else "params.yaml: the defaults of conf/")
         return 0
-    print("usage: python -m motionary.pipeline.params write [OVERRIDE...] | diff", file=sys.stderr)
+    if arguments == ["check"]:
+        if found := differences(root):
+            print(f"params.yaml: {', '.join(found)}: run `make params`", file=sys.stderr)
+        return int(bool(found))
+    print("usage: python -m motionary.pipeline.params write [OVERRIDE...] | diff | check", file=sys.stderr)
     return 2
 
 

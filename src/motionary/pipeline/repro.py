@@ -34,18 +34,30 @@ class Process(Protocol):
         """The exit code, None while it runs."""
 
 
+def take_stock(root: Path) -> None:
+    """Runs what DVC always runs (the stage `code`): only then is it known what has changed. No other stage is run."""
+    from dvc.repo import Repo
+    from dvc.repo.reproduce import reproduce
+
+    with Repo(str(root)) as repo:
+        for name in [stage.addressing for stage in repo.index.stages if stage.always_changed]:
+            reproduce(repo, name, single_item=True)
+
+
 def outdated(root: Path) -> dict[str, set[str]]:
     """Stages of the pipeline in `root` that may have to run -> those of them that each depends on.
 
-    These are the stages that ``dvc status`` names and everything downstream of them.
+    These are the stages that ``dvc status`` names and everything downstream of them, but for those that DVC always
+    runs: see `take_stock`.
     """
     import networkx
     from dvc.repo import Repo
 
     with Repo(str(root)) as repo:
         graph = repo.index.graph  # an edge leads from a stage to what it needs
+        always = {stage.addressing for stage in graph if stage.always_changed}
         graph = networkx.relabel_nodes(graph, {stage: stage.addressing for stage in graph})
-        changed = set(repo.status())
+        changed = set(repo.status()) - always
     stages = changed.union(*(networkx.ancestors(graph, name) for name in changed))
     return {name: networkx.descendants(graph, name) & stages for name in stages}
 
@@ -137,6 +149,7 @@ class Runner:
 def repro(root: Path, jobs: int) -> list[str]:
     """Brings the pipeline in `root` up to date with at most `jobs` stages at once; returns the stages that failed."""
     wait_for_running(root)
+    take_stock(root)
     needs = outdated(root)
     if not needs:
         print("Data and pipelines are up to date.")

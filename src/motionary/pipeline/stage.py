@@ -15,7 +15,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from motionary.errors import InputError, check_whole
-from motionary.pipeline.dependencies import code_hash
+from motionary.pipeline.code import code_hash, code_name
 from motionary.pipeline.journal import JOURNALS
 from motionary.pipeline.leftovers import Alone, remove_unfinished, remove_unfinished_checkpoints
 from motionary.pipeline.tracking import Tracker, numbers
@@ -59,7 +59,8 @@ class Stage:
         if "steps" in self.section:
             self.training()  # a bad value is said before anything is read
         self.data = {key: self.section[key] for key in DATA_KEYS if key in self.section}
-        self.code = code_hash(root, name)  # as it is now: edits while the stage runs are not what it ran
+        # As it is now: edits while the stage runs are not what it ran.
+        self.code = code_hash(root, code_name(name, label), self.values)
         self._sweep = Path(hydra.sweep.dir).resolve() if sweeping else None
         self._inputs: dict[str, Path] = {}
         self._hashed: tuple[tuple[str, ...], str] | None = None
@@ -96,7 +97,7 @@ class Stage:
 
     def serving(self, *systems: str) -> Path:
         """The folder of trained models, with these systems and all that they ask for when they answer as inputs."""
-        for name in served_by(systems):
+        for name in served_by(systems, lambda name: self.values.get(name) or {}):
             self.input(f"models/{name}")
         return self.workspace.root / "models"
 
@@ -161,8 +162,7 @@ class Stage:
     def report(self, values: Mapping[str, Any], relative: str | None = None) -> None:
         """Writes the stage's report and logs its numbers.
 
-        The report that bears the stage's name also names its code: what depends on how the stage's outputs are used,
-        as evaluation does, depends on that report.
+        The report that bears the stage's name also names its code, by which the study knows results of other code.
         """
         if relative is None:
             relative, values = f"reports/{self.name}.json", {**values, "code": self.code}

@@ -13,7 +13,7 @@ from motionary.nn.layers import load_word_vectors, seeded
 from motionary.pipeline.learning_curves import draw_curves, write_curves
 from motionary.pipeline.stage import Stage
 from motionary.systems.io import CONFIG_FILE, Trained, build_model
-from motionary.systems.registry import find
+from motionary.systems.registry import filled, find
 from motionary.training.devices import make_fabric, set_threads
 from motionary.training.loop import History, fit
 from motionary.training.settings import TrainSettings
@@ -22,17 +22,19 @@ VALIDATION_BATCH = 64
 
 
 def trained_inputs(stage: Stage) -> Trained:
-    """What the stage's system needs of other systems, as inputs of the stage: each by its role.
+    """What the stage's system needs of other systems, as inputs of the stage: each by its role (`registry.filled`)."""
+    trained = Trained(stage.workspace.root / "models")
 
-    The key of the stage's section that is called like the role says which system fills it; where there is none, a
-    system that is needed too may say it, as text2token's tokenizer is inverse alignment's; else the role's own name.
-    """
-    names: dict[str, str] = {}
-    trained = Trained(stage.workspace.root / "models", names=names)
+    def section(name: str) -> Mapping[str, Any]:
+        """The stage's own section, or what another system was trained with."""
+        if name == stage.name:
+            return stage.section
+        return trained.config(name) if (trained.path(name) / CONFIG_FILE).is_file() else {}
+
+    roles = filled(stage.name, section)
     for role in find(stage.name).needs:
-        told = [trained.config(other).get(role) for other in names if (trained.path(other) / CONFIG_FILE).is_file()]
-        names[role] = stage.section.get(role) or next(filter(None, told), role)
-        stage.input(f"models/{names[role]}")
+        trained.names[role] = roles[role]
+        stage.input(f"models/{roles[role]}")
     return trained
 
 

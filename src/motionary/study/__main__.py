@@ -20,7 +20,7 @@ from typing import Any
 
 from motionary.errors import InputError
 from motionary.files import atomic_folder, write_bytes
-from motionary.pipeline.dependencies import code_hash
+from motionary.pipeline.code import code_hash
 from motionary.study.compare import comparisons, measured, study_tables
 from motionary.study.experiments import (
     Experiment,
@@ -53,7 +53,7 @@ def is_done(root: Path, experiment: Experiment) -> bool:
 def is_current(root: Path, experiment: Experiment, code: Callable[[str], str]) -> bool:
     """Whether the reports of an experiment that is done name the `code` that its stages have now."""
     for path in (root / FOLDER / experiment.name).rglob("*.json"):
-        stage = "evaluation" if path.parent.name == "evaluation" else path.stem
+        stage = f"evaluation@{path.stem}" if path.parent.name == "evaluation" else path.stem
         named = json.loads(path.read_text()).get("code")
         if named is not None and named != code(stage):
             return False

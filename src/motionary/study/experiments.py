@@ -169,8 +169,8 @@ def _experiment(
     systems = tuple(entry["systems"])
     listed = [system for system in systems if scoring_stage(system) != system]
     if not set(listed) <= set(config["evaluation"]["systems"]):
-        config["evaluation"]["systems"] = listed
         overrides.append(f"evaluation.systems=[{','.join(listed)}]")
+        config = compose(root, overrides)
     read = {section: config[section] for section in sections_read(with_values(pipeline, config), systems)}
     full = name if key is None else f"{name}-{value}"
     return Experiment(
@@ -184,30 +184,53 @@ def read_pipeline(root: Path) -> dict[str, Any]:
 
 
 def with_values(pipeline: Mapping[str, Any], config: Mapping[str, Any]) -> dict[str, Any]:
-    """The contents of dvc.yaml with each ${key.of.the.configuration} replaced by its value."""
+    """The contents of dvc.yaml as DVC resolves them: one stage for each item of a `foreach`, called "stage@item", and
+    each ${key.of.the.configuration} replaced by its value."""
+    stages: dict[str, Any] = {}
+    for name, stage in pipeline["stages"].items():
+        if "foreach" not in stage:
+            stages[name] = _resolved(stage, config)
+            continue
+        items = _value(config, stage["foreach"].strip("${}"))
+        keyed = items if isinstance(items, Mapping) else {item: item for item in items or []}
+        for key, item in keyed.items():
+            stages[f"{name}@{key}"] = _resolved(stage["do"], {**config, "key": key, "item": item})
+    return {**pipeline, "stages": stages}
+
+
+def _resolved(stage: Mapping[str, Any], config: Mapping[str, Any]) -> dict[str, Any]:
+    """A stage with the configuration's values; a name of dvc.yaml's own stays."""
 
     def value(found: re.Match[str]) -> str:
-        """The configuration's value of a dotted key; a name of dvc.yaml's own stays."""
-        place: Any = config
-        for part in found.group(1).split("."):
-            place = place.get(part) if isinstance(place, Mapping) else None
+        place = _value(config, found.group(1))
         return place if isinstance(place, str) else found.group(0)
 
-    return json.loads(re.sub(r"\$\{([\w.]+)\}", value, json.dumps(pipeline)))
+    return json.loads(re.sub(r"\$\{([\w.\[\]]+)\}", value, json.dumps(stage)))
+
+
+def _value(config: Mapping[str, Any], key: str) -> Any:
+    """The value of a dotted key, where an item of a list is called as in "item[0]"; None where there is none."""
+    place: Any = config
+    for part in re.findall(r"\w+", key):
+        if isinstance(place, Mapping):
+            place = place.get(part)
+        elif isinstance(place, Sequence) and not isinstance(place, str) and part.isdigit() and int(part) < len(place):
+            place = place[int(part)]
+        else:
+            return None
+    return place
 
 
 def stages_before(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[Mapping[str, Any]]:
     """The stages that score `systems` and every stage that they need, those needed first.
 
+    Code, which DVC hashes at every run, is none of them: it is not part of the configuration.
+
     Args:
-        pipeline: contents of dvc.yaml.
+        pipeline: as `with_values` leaves it.
         systems: names of evaluated systems, or of stages that score on their own.
     """
-    stages = {name: stage.get("do", stage) for name, stage in pipeline["stages"].items()}
-    template = json.dumps(stages.pop("evaluation"))
-    for system in systems:
-        if scoring_stage(system) != system:
-            stages[scoring_stage(system)] = json.loads(template.replace("${item}", system))
+    stages = pipeline["stages"]
     writer = {out: name for name, stage in stages.items() for out in paths_of(stage, "outs", "metrics")}
     order: list[str] = []
 
