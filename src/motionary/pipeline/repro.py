@@ -8,6 +8,7 @@ its share of the cores. What is run, locked and cached is as under ``dvc repro``
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import signal
 import subprocess
@@ -39,9 +40,13 @@ def take_stock(root: Path) -> None:
     from dvc.repo import Repo
     from dvc.repo.reproduce import reproduce
 
-    with Repo(str(root)) as repo:
-        for name in [stage.addressing for stage in repo.index.stages if stage.always_changed]:
-            reproduce(repo, name, single_item=True)
+    logging.disable(logging.INFO)  # it is no work to speak of
+    try:
+        with Repo(str(root)) as repo:
+            for name in [stage.addressing for stage in repo.index.stages if stage.always_changed]:
+                reproduce(repo, name, single_item=True)
+    finally:
+        logging.disable(logging.NOTSET)
 
 
 def outdated(root: Path) -> dict[str, set[str]]:
