@@ -42,9 +42,11 @@ class Labeled:
         return self._stretches(indices, rng)
 
     def _stretches(self, entries: np.ndarray, rng: np.random.Generator) -> Batch:
+        spare = self.corpus.clips.length[self.rows[entries]] - self.lengths[entries]
+        return self._stretches_at(entries, rng.integers(0, spare + 1) if self.random else spare // 2)
+
+    def _stretches_at(self, entries: np.ndarray, start: np.ndarray) -> Batch:
         rows, count = self.rows[entries], self.lengths[entries]
-        spare = self.corpus.clips.length[rows] - count
-        start = rng.integers(0, spare + 1) if self.random else spare // 2
         motion = gather(self.corpus.frames, self.corpus.clips.offset[rows] + start, count, int(count.max()))
         labels = {"style": torch.from_numpy(self.style[entries]), "action": torch.from_numpy(self.action[entries])}
         return Batch(torch.from_numpy(rows), torch.from_numpy(motion), torch.from_numpy(count), **labels)
