@@ -104,5 +104,7 @@ def test_the_oracle_confirms_what_a_codec_keeps(items):
     real = confirmed(items, sentences, items.features, items.parts(captions))
     assert kept["reconstruction_oracle"] == real
     assert kept["reconstruction"] == kept["real"]
+    assert kept["physics"]["reconstructed"] == kept["physics"]["real"]
+    assert lost["physics"]["reconstructed"]["bone_change"] < 1e-6  # one pose throughout
     assert lost["reconstruction_oracle"]["all"]["checked"] == real["all"]["checked"]
     assert lost["reconstruction_oracle"]["all"]["confirmed"] < real["all"]["confirmed"]

@@ -14,6 +14,7 @@ from motionary.evaluation.style_draws import HELD_OUT, TARGETS, TEST, UNLABELED,
 from motionary.evaluation.style_figures import draw_codes, many_styles
 from motionary.evaluation.style_measures import local_rotations, spread, turned
 from motionary.evaluation.style_scores import CELL, COPIED_ROOT, COPY, REAL, STYLE, StyleProtocol, score_stylization
+from motionary.metrics.physics import MEASURES
 from motionary.systems.judges.style_evaluator import StyleJudge
 
 PROTOCOL = StyleProtocol(repetitions=4, contents=10, diversity_contents=3, diversity_samples=3, pose_step=8)
@@ -90,7 +91,8 @@ def test_a_copier_meets_the_floor_of_style_and_the_ceiling_of_content(corpus, sp
         assert mean(rows, way, "content_accuracy") == 1
         assert mean(rows, way, "content_fid") == pytest.approx(0, abs=1e-6)
         assert mean(rows, way, "geodesic") == 0
-        assert mean(rows, way, "foot_skating") == mean(rows, COPY, "foot_skating")
+        for measure in MEASURES:
+            assert mean(rows, way, measure) == mean(rows, COPY, measure)
     for way in ("label-based (S)", "prior-based (U)"):
         assert rows[way]["diversity"] == {"mean": 0, "half": 0}
 
@@ -135,7 +137,7 @@ def test_without_labels_the_unsupervised_setting_is_measured_alone(context):
     rows = found[TEST]
     assert {"motion-based (U)", "prior-based (U)"} <= set(rows)
     assert not any("(S)" in row for row in rows)
-    assert set(rows["motion-based (U)"]) == {"geodesic", "foot_skating"}
+    assert set(rows["motion-based (U)"]) == {"geodesic", *MEASURES}
     none = styled_corpus(context, labels=False, bare=1)
     with pytest.raises(InputError, match="no content"):
         score(Copier(), none, style_split(none), BOTH, TrueJudge(none, trained=False))

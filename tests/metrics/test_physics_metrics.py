@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from motionary.errors import InputError
-from motionary.metrics import floating, foot_skating, jitter, penetration
+from motionary.metrics import bone_change, floating, foot_skating, jitter, penetration
+from motionary.metrics.physics import MEASURES, physics
 from motionary.motion import Motion, Skeleton
 
 SMPL = Skeleton.named("smpl22")
@@ -73,6 +74,29 @@ def test_floor():
     up = np.zeros((40, 3))
     up[:10, 1] = 0.2
     assert floating(moved(motion, up)) == 0.25
+
+
+def test_a_bone_that_stretches_counts_among_all_bones():
+    motion = standing()
+    assert bone_change(motion) == pytest.approx(0, abs=1e-7)
+    p = motion.positions.copy()
+    wrist = 20  # nothing hangs on it
+    along = p[0, wrist] - p[0, SMPL.parents[wrist]]
+    p[::2, wrist] += 0.04 * along / np.linalg.norm(along)  # 4 cm in every second frame: 2 cm from the mean in each
+    stretched = Motion(p, 20, SMPL)
+    assert bone_change(stretched) == pytest.approx(0.02 / 21, rel=1e-3)
+
+
+def test_bones_do_not_change_where_the_body_turns_and_goes():
+    turn = np.linspace(0, 2, 40)
+    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    p = standing().positions.astype(np.float64)
+    turned = np.stack([c * p[..., 0] + s * p[..., 2], p[..., 1], c * p[..., 2] - s * p[..., 0]], -1)
+    assert bone_change(moved(Motion(turned, 20, SMPL), np.stack([turn, turn, 0 * turn], -1))) < 1e-6
+
+
+def test_every_measure_is_reported_and_a_statue_has_none_of_them():
+    assert physics(standing()) == pytest.approx(dict.fromkeys(MEASURES, 0.0), abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.motion import Motion, Skeleton
 from motionary.report import summary, tables
 from motionary.report.document import render
+from motionary.report.physics_tables import physics_tables
 from motionary.report.players import Example, players_html
 from motionary.report.results import Results
 from motionary.report.table import Table, show
@@ -311,3 +312,23 @@ def test_examples_become_players():
     assert "a &amp; b" in html
     assert "it &lt;walks&gt;" in html
     assert players_html([]) == ""
+
+
+def test_physics_stand_beside_real_motions_in_units_that_can_be_read(reports):
+    measured = {"foot_skating": 0.07, "penetration": 0.004, "floating": 0.25, "jitter": 30.0, "bone_change": 0.0015}
+    alpha = generator_report(0.5)
+    alpha["physics"] = {"generated": measured, "real": dict.fromkeys(measured, 0.0) | {"jitter": 20.0}}
+    alpha["real_lengths"] = {"generation": judged(0.2), "physics": {"generated": measured | {"floating": 0.5}}}
+    decoded = {"physics": {"reconstructed": measured, "real": measured}}
+    stylized = {"items": 2, "pool": 2, "rows": {"real motions": {"bone_change": {"mean": 0.002, "half": 0.001}}}}
+    found = physics_tables(Results({"alpha": alpha, "codec": decoded}, {"s": {"style_transfer": {"any": stylized}}}))
+    assert [table.title for table in found] == ["Physics", "Physics of stylization: any"]
+    assert found[0].columns[1:3] == ["Foot skating, m/s", "Penetration, mm"]
+    assert found[0].rows == [
+        ["real motions", "0.000", "0.000", "0.000", "20.000", "0.000"],
+        ["alpha", "0.070", "4.000", "25.000", "30.000", "1.500"],
+        ["alpha with real lengths", "0.070", "4.000", "50.000", "30.000", "1.500"],
+        ["real, through codec", "0.070", "4.000", "25.000", "30.000", "1.500"],
+    ]
+    assert found[1].rows == [["real motions", "-", "-", "-", "-", "2.000 ± 1.000"]]
+    assert tables.summary(Results({"alpha": alpha}))["real"]["jitter"] == 20.0

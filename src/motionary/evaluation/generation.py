@@ -13,10 +13,10 @@ from motionary.corpus.context import Context
 from motionary.corpus.encoding import as_features
 from motionary.evaluation.confirmation import confirmed, fitted_oracle
 from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.plausibility import plausibility
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.language import Sentence, annotate
 from motionary.metrics.distribution import multimodality
-from motionary.metrics.physics import foot_skating, jitter
 from motionary.oracle.prompts import PROMPTS, holds
 from motionary.oracle.reading import read
 from motionary.systems.protocols import TextMotionJudge, TextToMotion
@@ -54,7 +54,7 @@ def score_generator(
         "real": judged_parts([(d.text, real, d.parts) for d in draws], real, protocol),
         "multimodality": _multimodality(generator, items, judge, protocol, seed),
     }
-    report["physics"]["real"] = _physics(items, items.features)
+    report["physics"]["real"] = plausibility(items, items.features)
     report["oracle"] |= {
         "captions_real": confirmed(items, first.sentences, items.features, first.parts),
         "prompts": _prompts(generator, items, protocol, seed),
@@ -105,7 +105,7 @@ def _scores(draws: Sequence[_Draw], items: Items, real: np.ndarray, protocol: Pr
     first = draws[0]
     return {
         "generation": judged_parts([(d.text, d.motion, d.parts) for d in draws], real, protocol),
-        "physics": {"generated": _physics(items, first.generated)},
+        "physics": {"generated": plausibility(items, first.generated)},
         "oracle": {"captions": confirmed(items, first.sentences, first.generated, first.parts)},
     }
 
@@ -123,15 +123,6 @@ def _generate(
         made = generator.generate(part, seeds=[seed + start + i for i in range(len(part))], frames=lengths)
         out += [as_features(motion, context) for motion in made]
     return out
-
-
-def _physics(items: Items, features: Sequence[np.ndarray]) -> dict[str, float]:
-    motions = items.motions(features)
-    return {
-        "foot_skating": round(float(np.mean([foot_skating(m) for m in motions])), 5),
-        "jitter": round(float(np.mean([jitter(m) for m in motions])), 4),
-        "seconds": round(float(np.mean([m.duration for m in motions])), 3),
-    }
 
 
 def _prompts(generator: TextToMotion, items: Items, protocol: Protocol, seed: int) -> dict[str, Any]:

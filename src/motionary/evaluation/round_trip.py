@@ -6,6 +6,7 @@ from typing import Any
 
 from motionary.evaluation.confirmation import confirmed
 from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.plausibility import plausibility
 from motionary.evaluation.positions import position_report, unmirrored
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.systems.codec import BatchedCodec
@@ -36,5 +37,9 @@ def score_reconstructor(
         "positions": position_report(corpus, rows, decoded),
         "reconstruction": judged_parts([(text, motion, parts)], real, protocol),
         "reconstruction_oracle": confirmed(items, sentences, of_items, parts),
+        "physics": {
+            "reconstructed": plausibility(items, of_items),
+            "real": plausibility(items, items.features),
+        },
         "real": judged_parts([(text, real, parts)], real, protocol),
     }

@@ -1,4 +1,4 @@
-"""What is measured of stylized and of real motions: verdicts of the classifiers, rotations, skating feet."""
+"""What is measured of stylized and of real motions: verdicts of the classifiers, rotations, physics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from motionary.corpus.store import Corpus
 from motionary.evaluation.style_draws import Draw
 from motionary.metrics.classification import accuracy, macro_accuracy
 from motionary.metrics.distribution import frechet_distance
-from motionary.metrics.physics import foot_skating
+from motionary.metrics.physics import MEASURES, physics
 from motionary.metrics.position import geodesic_distance
 from motionary.motion import Motion, fit_rotations
 from motionary.systems.protocols import StyleClassifier
@@ -22,9 +22,10 @@ from motionary.systems.protocols import StyleClassifier
 @dataclass(frozen=True)
 class Measured:
     """Of N motions: labels (N,) and features (N, E) by both classifiers (None without style labels in the corpus), and
-    the speed (N,) in m/s of feet that stand; `labels` (N,) are the style ids that real motions truly have."""
+    the physical measures (N, M) in the order of `MEASURES`; `labels` (N,) are the style ids that real motions truly
+    have."""
 
-    skating: np.ndarray
+    physics: np.ndarray
     style: np.ndarray | None = None
     style_features: np.ndarray | None = None
     content: np.ndarray | None = None
@@ -47,12 +48,12 @@ class Measures:
 
     def of(self, features: Sequence[np.ndarray]) -> Measured:
         """Of raw features, each (T, D)."""
-        skating = np.array([foot_skating(self.codec.decode(f, fps=self.fps)) for f in features])
+        measured = np.array([[*physics(self.codec.decode(f, fps=self.fps)).values()] for f in features])
         if not self.judge.trained:
-            return Measured(skating)
+            return Measured(measured)
         style, style_features = self.judge.style(features)
         content, content_features = self.judge.content(features)
-        return Measured(skating, style.argmax(1), style_features, content.argmax(1), content_features)
+        return Measured(measured, style.argmax(1), style_features, content.argmax(1), content_features)
 
     def real(self, rows: np.ndarray) -> Measured:
         """Of rows of the corpus, with their labels."""
@@ -84,9 +85,10 @@ def scored(
         targeted: False where no style was asked for: then there is no right one.
 
     Returns:
-        Those of style_accuracy, style_fid, content_accuracy, content_fid and foot_skating that there are.
+        Those of style_accuracy, style_fid, content_accuracy and content_fid that there are, and every measure of
+        `MEASURES`.
     """
-    values = {"foot_skating": float(found.skating.mean())}
+    values = dict(zip(MEASURES, found.physics.mean(0).tolist(), strict=True))
     if found.style is None:
         return values
     if targeted and split.scored:
@@ -109,7 +111,7 @@ def _style_fid(found: Measured, style: Measured, targets: np.ndarray) -> dict[st
     distances = []
     for label in np.unique(targets):
         made, real = found.take(targets == label), style.take(style.labels == label)
-        if len(made.skating) >= 2 and len(real.skating) >= 2:
+        if len(made.physics) >= 2 and len(real.physics) >= 2:
             distances.append(frechet_distance(made.style_features, real.style_features))
     return {"style_fid": float(np.mean(distances))} if distances else {}
 

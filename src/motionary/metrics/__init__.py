@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from motionary.metrics.classification import accuracy, macro_accuracy
     from motionary.metrics.distribution import diversity, frechet_distance, halves_distance, multimodality
     from motionary.metrics.intervals import Interval, interval, paired_bootstrap, paired_interval
-    from motionary.metrics.physics import floating, foot_skating, jitter, penetration
+    from motionary.metrics.physics import bone_change, floating, foot_skating, jitter, penetration, physics
     from motionary.metrics.position import (
         PositionErrors,
         average_position_error,
@@ -34,6 +34,7 @@ __all__ = [
     "bert_score",
     "bleu",
     "bleu_interval",
+    "bone_change",
     "caption_scores",
     "cider",
     "diversity",
@@ -51,6 +52,7 @@ __all__ = [
     "paired_bootstrap",
     "paired_interval",
     "penetration",
+    "physics",
     "position_errors",
     "r_precision",
     "rouge_l",
@@ -60,7 +62,7 @@ _NAMES = {
     "captions": ("bert_score", "bleu", "bleu_interval", "caption_scores", "cider", "rouge_l"),
     "distribution": ("diversity", "frechet_distance", "halves_distance", "multimodality"),
     "intervals": ("Interval", "interval", "paired_bootstrap", "paired_interval"),
-    "physics": ("floating", "foot_skating", "jitter", "penetration"),
+    "physics": ("bone_change", "floating", "foot_skating", "jitter", "penetration"),
     "position": (
         "PositionErrors",
         "average_position_error",

@@ -1,7 +1,11 @@
-"""Whether a motion looks possible: planted feet, smooth joints, feet on the floor."""
+"""Whether a motion looks possible: planted feet, smooth joints, feet on the floor, bones that keep their length.
+
+Read each beside the figure of real motions: people jump, slide and stop short, and captured bones give a little.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,6 +60,33 @@ def floating(motion: Motion, floor: float = 0.0, height: float = 0.05) -> float:
     Running and jumping leave the floor too, so read it beside the figure of real motions.
     """
     return float((_lowest(motion) > floor + height).mean())
+
+
+def bone_change(motion: Motion) -> float:
+    """Mean distance over frames and bones of a bone's length from its mean over the motion, in metres; 0 for rigid
+    bones."""
+    p, parents = np.asarray(motion.positions, np.float64), motion.skeleton.parents
+    joints = [joint for joint, parent in enumerate(parents) if parent >= 0]
+    if not joints:
+        raise InputError("motion", f"{len(parents)} joints", "a change of bones needs at least one bone")
+    length = np.linalg.norm(p[:, joints] - p[:, [parents[joint] for joint in joints]], axis=-1)  # (T, J - 1)
+    return float(np.abs(length - length.mean(axis=0)).mean())
+
+
+# Every measure, in the order of tables.
+MEASURES: dict[str, Callable[[Motion], float]] = {
+    "foot_skating": foot_skating,
+    "penetration": penetration,
+    "floating": floating,
+    "jitter": jitter,
+    "bone_change": bone_change,
+}
+
+
+def physics(motion: Motion) -> dict[str, float]:
+    """All measures of a motion of at least 4 frames: foot_skating (m/s), penetration (m), floating (share of frames),
+    jitter (the joints' jerk, m/s^3) and bone_change (m)."""
+    return {name: measure(motion) for name, measure in MEASURES.items()}
 
 
 def _lowest(motion: Motion) -> np.ndarray:

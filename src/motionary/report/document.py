@@ -12,6 +12,7 @@ from typing import Any
 
 from motionary.report import tables
 from motionary.report.corpus_table import corpus_tables
+from motionary.report.physics_tables import physics_tables
 from motionary.report.players import Example, players_html
 from motionary.report.results import Results
 from motionary.report.style_tables import classifiers_table, stylization_tables
@@ -33,6 +34,8 @@ TERMS = {
     "Oracle": "share of motions that do what their text claims of side, direction, speed or action, read off the "
     "joints by geometry, without any trained model.",
     "Foot skating": "mean speed over the ground of feet that stand; lower is better.",
+    "Penetration, floating, jerk, bone change": "how far joints sink below the floor, how often none is near it, how "
+    "abruptly joints move, and by how much bones change their lengths; near the real motions' is better.",
     "Style and content accuracy": "share of motions in which a classifier sees the style that was asked for, or the "
     "action of the content; a copied content is the floor of the one and the ceiling of the other.",
     "Geodesic distance": "mean angle between the joints' local rotations before and after stylization: how much of the "
@@ -70,6 +73,7 @@ def render(
         ("Examples", players_html(examples) + "".join(f"<p class='note'>Not shown: {escape(p)}</p>" for p in problems)),
         ("Captions", _captions(results)),
         ("Parts of the test split", _tables(tables.parts_tables(results))),
+        ("Physics", _tables(physics_tables(results))),
         ("Prompts", _tables([tables.prompts(results)])),
         ("Stylization", _stylization(results)),
         ("Training", _tables([tables.training(results)]) + _curves(results)),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from motionary.errors import InputError
 from motionary.report import tables
+from motionary.report.physics_tables import physics_tables
 from motionary.report.results import Results
 from motionary.report.style_tables import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
@@ -35,6 +36,7 @@ def markdown(reports: Path) -> str:
     styled = [*stylization_tables(results)[1:], classifiers_table(results)]
     extra = [
         tables.captions_by_labels(results),
+        *physics_tables(results),
         *styled,
         tables.nearest_training(results),
         *tables.parts_tables(results),

@@ -51,7 +51,7 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
     for name, report in decoded.items():
         captions = percent(at(report, "reconstruction_oracle", part, "confirmed"))
         rows.append(row(f"real, through {name}", report["reconstruction"][part], *([NONE] * whole), captions))
-    for name, report in _with_variants(systems, "real_lengths").items():
+    for name, report in with_variants(systems, "real_lengths").items():
         captions = percent(at(report, "oracle", "captions", part, "confirmed"))
         more = (
             show(report.get("multimodality")),
@@ -68,9 +68,7 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
 
 def motion_to_text(results: Results, part: str = "all") -> Table | None:
     """Captions against the references, and judged with the motions they describe."""
-    systems = {
-        n: r for n, r in _with_variants(results.having("language"), "consensus").items() if part in r["language"]
-    }
+    systems = {n: r for n, r in with_variants(results.having("language"), "consensus").items() if part in r["language"]}
     if not systems:
         return None
     first = next(iter(systems.values()))
@@ -95,7 +93,7 @@ def motion_to_text(results: Results, part: str = "all") -> Table | None:
 def captions_by_labels(results: Results) -> Table | None:
     """Captions of windows with known style and action beside those of a reader who knows both."""
     systems = {
-        n: r["labels"] for n, r in _with_variants(results.having("language"), "consensus").items() if r.get("labels")
+        n: r["labels"] for n, r in with_variants(results.having("language"), "consensus").items() if r.get("labels")
     }
     if not systems:
         return None
@@ -196,7 +194,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         if value is not None:
             out.setdefault(name, {})[metric] = value
 
-    for name, report in _with_variants(results.systems, *VARIANTS).items():
+    for name, report in with_variants(results.systems, *VARIANTS).items():
         for key in ("generation", "reconstruction"):
             for _, metric in JUDGED:
                 put("real", metric, at(report, "real", "all", metric) if key in report else None)
@@ -204,7 +202,10 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
         put(name, "multimodality", report.get("multimodality"))
         put(name, "oracle_captions", at(report, "oracle", "captions", "all", "confirmed"))
         put(name, "oracle_prompts", at(report, "oracle", "prompts", "confirmed"))
-        put(name, "foot_skating", at(report, "physics", "generated", "foot_skating"))
+        for metric, value in (at(report, "physics", "generated") or {}).items():
+            put(name, metric, value)
+        for metric, value in (at(report, "physics", "real") or {}).items():
+            put("real", metric, value)
         for _, metric in WORDED:
             put(name, metric, at(report, "language", "all", metric))
         put(name, "caption_r3", at(report, "captioning", "all", "r3"))
@@ -223,7 +224,7 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
     return out
 
 
-def _with_variants(systems: Mapping[str, dict[str, Any]], *kinds: str) -> dict[str, dict[str, Any]]:
+def with_variants(systems: Mapping[str, dict[str, Any]], *kinds: str) -> dict[str, dict[str, Any]]:
     """Each report, then as rows of their own those of its parts that are VARIANTS of these kinds."""
     out = {}
     for name, report in systems.items():
