@@ -82,6 +82,20 @@ def writable(path: str | os.PathLike, force: bool = True) -> Path:
 
 
 @contextmanager
+def written_by(stage: str, path: str | os.PathLike) -> Iterator[None]:
+    """The block reads `path`, which a stage of the pipeline wrote.
+
+    Raises:
+        InputError: whatever the block raises, since such a file is missing or damaged; it names the stage to run.
+    """
+    try:
+        yield
+    except Exception as error:
+        kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+        raise InputError(path, f"{kind}{error}", f"missing or damaged; run `dvc repro {stage}`") from None
+
+
+@contextmanager
 def atomic_file(path: str | os.PathLike, force: bool = True) -> Iterator[Path]:
     """A temporary path beside `path`, with the same extension, that replaces it only if the block succeeds.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -224,6 +225,28 @@ def test_a_truncated_file_is_one_line_of_a_process(clip, tmp_path):
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.count("\n") == 1
     assert "half.bvh" in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("damaged", "command", "stage"),
+    [
+        ("models/motion2text/model.safetensors", "caption", "motion2text"),
+        ("models/motion2text/config.json", "caption", "motion2text"),
+        ("data/corpus/frames.npy", "search", "preprocess"),
+        ("models/retrieval/motions.npy", "search", "retrieval"),
+    ],
+)
+def test_damaged_models_name_the_file_and_the_stage(pipeline, clip, tmp_path, capsys, damaged, command, stage):
+    shutil.copytree(pipeline, tmp_path / "project")
+    file = tmp_path / "project" / damaged
+    file.write_bytes(file.read_bytes()[:-9])
+    asked = str(clip) if command == "caption" else "a person walks"
+    models = str(tmp_path / "project/models")
+    code, _, said = call(capsys, command, asked, "--models", models, "--device", "cpu")
+    assert code == 2
+    (line,) = said.splitlines()
+    assert line.startswith(f"error: {file}: ")
+    assert line.endswith(f"run `dvc repro {stage}`")
 
 
 def test_help_shows_examples_that_parse(capsys):

@@ -199,7 +199,8 @@ class _Build:
         ]
 
     def _write_tables(self, kept: list[tuple[int, Caption, str, Sentence]]) -> None:
-        pq.write_table(pa.Table.from_pylist(self.rows, CLIP_SCHEMA), self.folder / "clips.parquet")
+        table = pa.Table.from_pylist(self.rows, CLIP_SCHEMA)
+        pq.write_table(table, self.folder / "clips.parquet", write_page_checksum=True)
         keys = {text: i for i, text in enumerate(sorted({" ".join(entry[3].words) for entry in kept}))}
         captions = [
             {
@@ -213,7 +214,8 @@ class _Build:
             }
             for row, caption, text, sentence in kept
         ]
-        pq.write_table(pa.Table.from_pylist(captions, CAPTION_SCHEMA), self.folder / "captions.parquet")
+        table = pa.Table.from_pylist(captions, CAPTION_SCHEMA)
+        pq.write_table(table, self.folder / "captions.parquet", write_page_checksum=True)
 
     def _write_context(self, training: list[Sentence]) -> None:
         vocabulary = Vocabulary.build(training, min_count=self.config.min_count)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -14,6 +17,7 @@ import pyarrow.parquet as pq
 from motionary.corpus.context import Context
 from motionary.corpus.splits import SPLITS
 from motionary.errors import InputError
+from motionary.files import written_by
 from motionary.motion import Motion
 
 CLIP_SCHEMA = pa.schema(
@@ -107,11 +111,23 @@ class Corpus:
         ]
         if missing:
             raise InputError(folder, ", ".join(missing), "missing; run the preprocess stage first")
-        self.context = Context.load(self.folder / "context.json")
-        # A plain array view of the map: fancy indexing then returns ordinary arrays.
-        self.frames = np.load(self.folder / "frames.npy", mmap_mode="r").view(np.ndarray)
-        self.clips = Clips(**_columns(self.folder / "clips.parquet", Clips))
-        self.captions = Captions(**_columns(self.folder / "captions.parquet", Captions))
+        with self._reading("context.json") as path:
+            self.context = Context.load(path)
+        with self._reading("frames.npy") as path:
+            # A plain array view of the map: fancy indexing then returns ordinary arrays.
+            self.frames = np.load(path, mmap_mode="r").view(np.ndarray)
+            _check(
+                "shape", self.frames.shape, self.frames.shape[1:] == (self.context.dim,), "must be (frames, features)"
+            )
+        with self._reading("clips.parquet") as path:
+            self.clips = Clips(**_columns(path, Clips))
+            inside = (self.clips.offset >= 0) & (self.clips.offset + self.clips.length <= len(self.frames))
+            _check("offset + length", len(self.frames), bool(inside.all()), "must end within frames.npy")
+        with self._reading("captions.parquet") as path:
+            self.captions = Captions(**_columns(path, Captions))
+            rows = self.captions.clip
+            sorts = not len(rows) or (rows[0] >= 0 and rows[-1] < len(self.clips) and bool((np.diff(rows) >= 0).all()))
+            _check("clip", len(self.clips), sorts, "must be rows of clips.parquet, in their order")
         self.caption_start = np.searchsorted(self.captions.clip, np.arange(len(self.clips) + 1))
 
     @classmethod
@@ -123,9 +139,22 @@ class Corpus:
         return len(self.clips)
 
     @cached_property
+    def report(self) -> dict[str, Any]:
+        """What `preprocess` reported of it: see :func:`motionary.corpus.preprocess.preprocess`."""
+        with self._reading("report.json") as path:
+            return dict(json.loads(path.read_text(encoding="utf-8")))
+
+    @property
     def hash(self) -> str:
         """Content hash (hex) of frames and tables, computed when the corpus was written."""
-        return json.loads((self.folder / "report.json").read_text(encoding="utf-8"))["hash"]
+        return self.report["hash"]
+
+    @contextmanager
+    def _reading(self, name: str) -> Iterator[Path]:
+        """The path of a file of the folder; what is wrong with it is told with it and the stage that wrote it."""
+        path = self.folder / name
+        with written_by("preprocess", path):
+            yield path
 
     def features(self, i: int) -> np.ndarray:
         """(T, D) read-only view of the raw features of window i."""
@@ -162,8 +191,13 @@ class Corpus:
         return _label_ids(self.clips.action, self.context.actions)
 
 
+def _check(what: str, value: Any, holds: bool, rule: str) -> None:
+    if not holds:
+        raise InputError(what, value, rule)
+
+
 def _columns(path: Path, kind: type) -> dict[str, np.ndarray]:
-    table = pq.read_table(path)
+    table = pq.read_table(path, page_checksum_verification=True)
     columns = {}
     for field in fields(kind):
         column = table[field.name]

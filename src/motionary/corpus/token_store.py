@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.files import written_by
 
 
 class TokenStore:
@@ -41,10 +42,14 @@ class TokenStore:
     @classmethod
     def load(cls, folder: str | Path) -> TokenStore:
         """Read what `save` wrote."""
-        try:
-            return cls(*(np.load(Path(folder) / name) for name in ("tokens.npy", "offsets.npy")))
-        except OSError as error:
-            raise InputError(folder, error, "must hold tokens.npy and offsets.npy; run the tokenizer stage") from None
+        folder = Path(folder)
+        with written_by("tokenizer", folder / "tokens.npy"):
+            tokens = np.load(folder / "tokens.npy")
+        with written_by("tokenizer", folder / "offsets.npy"):
+            offsets = np.load(folder / "offsets.npy")
+            if offsets[0] != 0 or offsets[-1] != len(tokens) or (np.diff(offsets) < 0).any():
+                raise InputError("offsets", f"0..{offsets[-1]}", f"must rise from 0 to {len(tokens)} tokens")
+        return cls(tokens, offsets)
 
     def __len__(self) -> int:
         return len(self.offsets) - 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from motionary.corpus.store import Corpus
@@ -27,6 +26,6 @@ def build_report(
     folder = root / "data" / "corpus"
     if not folder.is_dir():
         return render(results, results.stages.get("preprocess")), summary(results)
-    read = json.loads((folder / "report.json").read_text(encoding="utf-8"))
-    shown, problems = make_examples(Corpus.open(folder), root / "models", list(results.systems), examples, seed, device)
-    return render(results, read, shown, problems), summary(results)
+    corpus = Corpus.open(folder)
+    shown, problems = make_examples(corpus, root / "models", list(results.systems), examples, seed, device)
+    return render(results, corpus.report, shown, problems), summary(results)

@@ -31,7 +31,8 @@ def choose_device(device: str = "auto") -> str:
 def save_model(folder: str | Path, name: str, model: nn.Module, context: Context) -> None:
     """Write `model.safetensors` and `config.json` of the system `name` into `folder`, atomically.
 
-    `model.config` must be the system's config dataclass; `context` says what the model knows of its data.
+    `model.config` must be the system's config dataclass; `context` says what the model knows of its data. The config
+    holds checksums of the weights and of itself, by which what a disk has damaged is told.
     """
     folder = Path(folder)
     record = {"system": name, "config": dataclasses.asdict(model.config), "context": context.to_json()}  # type: ignore[arg-type]
@@ -40,23 +41,31 @@ def save_model(folder: str | Path, name: str, model: nn.Module, context: Context
     # Both are written before either takes its name, so that an error leaves the pair that was there.
     with atomic_file(folder / CONFIG_FILE) as config, atomic_file(folder / WEIGHTS) as weights:
         save_file(tensors, weights)
+        record["weights"] = _checksum(weights)
+        record["checksum"] = _record_checksum(record)
         config.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
 
 
 def read_record(folder: str | Path) -> dict[str, Any]:
-    """The `config.json` of a saved model: {"system", "config", "context"}."""
+    """The `config.json` of a saved model: {"system", "config", "context", "weights"}; the last is a checksum, or None
+    where the model was saved without.
+
+    Raises:
+        InputError: missing or damaged: the file, what is wrong and the stage to run.
+    """
     path = Path(folder) / CONFIG_FILE
     if not path.is_file():
-        # Members and settings of a system lie below its folder; another package's system has no stage of ours.
-        stages = (part for part in reversed(path.parts) if part in known() and not known()[part].package)
-        told = next((f"; run `dvc repro {stage}` first" for stage in stages), "")
-        raise InputError(path, "missing", f"must be a trained model{told}")
+        first = f"{again} first" if (again := _again(path)) else ""
+        raise InputError(path, "missing", f"must be a trained model{first}")
     try:
         record = json.loads(path.read_text())
+        if record.get("checksum") not in (None, _record_checksum(record)):
+            raise ValueError("damaged, its checksum differs")
         config = with_new_names(record["system"], record["config"])
-        return {"system": record["system"], "config": config, "context": record["context"]}
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(path, error, "must be JSON with system, config and context") from None
+        found = {"system": record["system"], "config": config, "context": record["context"]}
+        return {**found, "weights": record.get("weights")}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(path, error, f"must be JSON with system, config and context{_again(path)}") from None
 
 
 def load_model(folder: str | Path, device: str | torch.device = "cpu") -> nn.Module:
@@ -74,10 +83,31 @@ def load_model(folder: str | Path, device: str | torch.device = "cpu") -> nn.Mod
     with torch.random.fork_rng(devices=[]):  # the random start is overwritten; do not disturb the caller's generator
         model = system.load(system.model)(config, Context.from_json(record["context"]))
     try:
+        if record["weights"] not in (None, _checksum(folder / WEIGHTS)):
+            raise OSError("damaged, its checksum differs")
         model.load_state_dict(load_file(folder / WEIGHTS))
     except (OSError, SafetensorError, RuntimeError) as error:
-        raise InputError(folder / WEIGHTS, error, "must be the weights that belong to config.json") from None
+        rule = f"must be the weights that belong to config.json{_again(folder / WEIGHTS)}"
+        raise InputError(folder / WEIGHTS, error, rule) from None
     return model.to(device).eval()
+
+
+def _again(path: Path) -> str:
+    """What makes a model anew, as the end of a message; "" where no stage of ours does."""
+    # Members and settings of a system lie below its folder; another package's system has no stage of ours.
+    stages = (part for part in reversed(path.parts) if part in known() and not known()[part].package)
+    return next((f"; run `dvc repro {stage}`" for stage in stages), "")
+
+
+def _checksum(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+
+
+def _record_checksum(record: Mapping[str, Any]) -> str:
+    """Of everything in a config.json but this checksum."""
+    values = {key: value for key, value in record.items() if key != "checksum"}
+    return hashlib.blake2b(json.dumps(values, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
 class Trained:

@@ -1,16 +1,24 @@
-"""Checkpoints that resume exactly: tensors in safetensors, numbers in JSON, nothing unpickled."""
+"""Checkpoints that resume exactly: tensors in safetensors, numbers in JSON, nothing unpickled.
+
+Each carries a checksum, and the one before it is kept: what a disk has damaged is told from what was written.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
+from motionary.errors import InputError
 from motionary.files import atomic_file
 
 
@@ -19,7 +27,11 @@ def save_checkpoint(
 ) -> None:
     """Writes weights, optimizer moments, `extra` tensors and plain `numbers` to one file, atomically.
 
-    The file also holds the global random state, so that dropout continues where it stopped.
+    The file also holds the global random state, so that dropout continues where it stopped. The checkpoint that was
+    there becomes :func:`earlier`.
+
+    Raises:
+        InputError: the disk is full or not writable.
     """
     tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
     state = optimizer.state_dict()
@@ -30,17 +42,54 @@ def save_checkpoint(
     if torch.cuda.is_available():
         tensors["random.cuda"] = torch.cuda.get_rng_state()
     contiguous = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
+    text = json.dumps(numbers)
+    metadata = {"numbers": text, "checksum": _checksum(contiguous, text)}
     with atomic_file(path) as temporary:
-        save_file(contiguous, temporary, metadata={"numbers": json.dumps(numbers)})
+        save_file(contiguous, temporary, metadata=metadata)
+        if path.exists():  # killed before the new one has its name, a training goes on from this
+            os.replace(path, earlier(path))
+
+
+def earlier(path: Path) -> Path:
+    """Where the checkpoint is kept that was written before the one at `path`."""
+    return path.with_name(f"{path.stem}.earlier{path.suffix}")
+
+
+def resume(
+    path: Path, model: nn.Module, optimizer: torch.optim.Optimizer, first: bool = True
+) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
+    """Restores the newest checkpoint at `path` that is whole; None where there is none.
+
+    Args:
+        path: as for :func:`save_checkpoint`.
+        model, optimizer: are restored.
+        first: whether this process removes the damaged ones and warns of them, in one line each; the other processes
+            of a training find the same ones damaged, or gone.
+    """
+    for place in (path, earlier(path)):
+        if not place.exists():
+            continue
+        try:
+            return load_checkpoint(place, model, optimizer)
+        except InputError as error:
+            if first:
+                place.unlink(
+                    missing_ok=True
+                )  # or the next one that is written would keep it in the place of a whole one
+                goes_on = "goes on from the one before" if earlier(path).exists() else "starts anew"
+                print(f"warning: {error}; it is dropped, training {goes_on}", file=sys.stderr, flush=True)
+    return None
 
 
 def load_checkpoint(
     path: Path, model: nn.Module, optimizer: torch.optim.Optimizer
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Restores what :func:`save_checkpoint` wrote; returns (extra tensors, numbers)."""
-    with safe_open(path, framework="pt") as file:
-        numbers = json.loads(file.metadata()["numbers"])
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    """Restores what :func:`save_checkpoint` wrote; returns (extra tensors, numbers).
+
+    Raises:
+        InputError: the file is not what was written, by its checksum; nothing is restored then.
+    """
+    tensors, numbers = _read(path)
     model.load_state_dict(_under(tensors, "model."))
     state = optimizer.state_dict()
     moments: dict[int, dict[str, Tensor]] = {}
@@ -52,6 +101,31 @@ def load_checkpoint(
     if "random.cuda" in tensors and torch.cuda.is_available():
         torch.cuda.set_rng_state(tensors["random.cuda"])
     return _under(tensors, "extra."), numbers
+
+
+def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """All tensors and numbers of a checkpoint that is whole; else InputError."""
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        if metadata["checksum"] != _checksum(tensors, metadata["numbers"]):
+            raise InputError(path, "checksum differs", "damaged")
+        return tensors, json.loads(metadata["numbers"])
+    except (SafetensorError, OSError, KeyError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(path, error, "damaged") from None
+
+
+def _checksum(tensors: Mapping[str, Tensor], numbers: str) -> str:
+    """Of everything in a checkpoint: names, kinds, shapes and bytes of its tensors, and the text of its numbers."""
+    digest = hashlib.blake2b(numbers.encode(), digest_size=16)
+    for name in sorted(tensors):
+        value = tensors[name]
+        digest.update(f"{name} {value.dtype} {tuple(value.shape)};".encode())
+        digest.update(value.reshape(-1).view(torch.uint8).numpy())
+    return digest.hexdigest()
 
 
 def _under(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

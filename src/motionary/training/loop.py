@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from motionary.corpus.batches import Batch, Batches
 from motionary.systems.trainable import Trainable
-from motionary.training.checkpoint import load_checkpoint, save_checkpoint
+from motionary.training.checkpoint import resume, save_checkpoint
 from motionary.training.settings import TrainSettings
 
 
@@ -221,9 +221,10 @@ class _Run:
         save_checkpoint(self.checkpoint, self.model, self.optimizer, extra, numbers)
 
     def _resume(self) -> None:
-        if self.checkpoint is None or not self.checkpoint.exists():
+        first = self.fabric.global_rank == 0
+        if self.checkpoint is None or (found := resume(self.checkpoint, self.model, self.optimizer, first)) is None:
             return
-        extra, numbers = load_checkpoint(self.checkpoint, self.model, self.optimizer)
+        extra, numbers = found
         self.step, self.bad, self.stopped = numbers["step"], numbers["bad"], numbers["stopped"]
         self.best = math.inf if numbers["best"] is None else numbers["best"]
         self.history = History(**numbers["history"])

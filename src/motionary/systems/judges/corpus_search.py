@@ -14,6 +14,7 @@ import numpy as np
 
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
+from motionary.files import written_by
 from motionary.language import Sentence
 from motionary.systems.judges.judge import Judge
 from motionary.systems.requests import check_frames, check_seeds
@@ -41,8 +42,10 @@ class Index:
         """Reads what :meth:`save` wrote."""
         if not (folder / "index.json").exists():
             raise InputError(folder, "missing", "run `dvc repro retrieval` first")
-        evaluator = json.loads((folder / "index.json").read_text())["evaluator"]
-        return cls(np.load(folder / "motions.npy", mmap_mode="r"), evaluator)
+        with written_by("retrieval", folder / "index.json"):
+            evaluator = str(json.loads((folder / "index.json").read_text())["evaluator"])
+        with written_by("retrieval", folder / "motions.npy"):
+            return cls(np.load(folder / "motions.npy", mmap_mode="r"), evaluator)
 
     def nearest(self, queries: np.ndarray, rows: np.ndarray, k: int = 1) -> np.ndarray:
         """(Q, k) of `rows`, nearest first, for (Q, E) query features."""
