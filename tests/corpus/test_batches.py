@@ -169,6 +169,26 @@ def test_balance_draws_a_small_root_more_often_and_keeps_the_epoch(corpus, monke
     assert abs((group[data.rows[drawn]] == "rare").mean() - expected) < 0.03
 
 
+def test_captions_are_drawn_by_the_weight_of_their_source(corpus, monkeypatch):
+    """Two captions a window: the heavy one three times as often, and windows without it a third as often."""
+    train = corpus.rows("train", captioned=True)
+    plain = train[: len(train) // 2]
+    weight = np.ones(len(corpus.captions), np.float32)
+    heavy = np.array([corpus.caption_start[row] for row in train if row not in plain])
+    weight[heavy] = 3
+    monkeypatch.setattr(corpus, "captions", type(corpus.captions)(**vars(corpus.captions) | {"weight": weight}))
+    data = Pairs(corpus, "train")
+    batches = [b for epoch in range(60) for b in Batches(data, 16, seed=0).epoch(epoch)]
+    rows = np.concatenate([b.clip.numpy() for b in batches])
+    captions = np.concatenate([b.caption.numpy() for b in batches])
+    assert (corpus.captions.clip[captions] == rows).all()
+    expected = len(plain) / (len(plain) + 3 * (len(train) - len(plain)))
+    assert abs(np.isin(rows, plain).mean() - expected) < 0.03
+    assert abs(np.isin(captions, heavy).sum() / (~np.isin(rows, plain)).sum() - 0.75) < 0.03
+    first = captions[np.isin(rows, plain)]
+    assert abs(np.isin(first, corpus.caption_start[plain]).mean() - 0.5) < 0.06
+
+
 def test_shifted_motion_and_tokens_belong_together(corpus):
     unit = corpus.context.unit
     stores = [

@@ -11,7 +11,7 @@ from motionary.errors import InputError
 FOLDER = {"source": "folder", "roots": ["somewhere"]}
 
 
-@pytest.mark.parametrize("name", ["demo", "folder", "humanml3d"])
+@pytest.mark.parametrize("name", ["demo", "folder", "humanml3d", "kit", "cmu"])
 def test_shipped_files_set_every_key(repository, name):
     values = yaml.safe_load((repository / "conf" / "data" / f"{name}.yaml").read_text())
     assert set(values) == {field.name for field in dataclasses.fields(DataConfig)}
@@ -29,8 +29,11 @@ def test_shipped_files_set_every_key(repository, name):
         {"fps": "20"},
         {"fps": True},
         {"min_seconds": 0},
-        {"max_seconds": 3.0},
+        {"max_seconds": 1.5},
         {"split": "random"},
+        {"cut": "halves"},
+        {"least_cover": 1.5},
+        {"source_weights": ["index"]},
         {"source": "web"},
         {"ratios": [0.8, 0.2]},
         {"ratios": [0.8, 0.1, 0.2]},
@@ -54,6 +57,11 @@ def test_a_wrong_value_names_its_key(wrong):
     with pytest.raises(InputError) as error:
         DataConfig.from_mapping(FOLDER | wrong)
     assert error.value.what == f"data.{next(iter(wrong))}"
+
+
+def test_a_weight_of_nothing_names_its_source():
+    with pytest.raises(InputError, match=r"data\.source_weights\.index: 0"):
+        DataConfig.from_mapping(FOLDER | {"source_weights": {"index": 0}})
 
 
 def test_the_demo_takes_no_roots():

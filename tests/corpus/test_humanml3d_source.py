@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import yaml
 
 from motionary.corpus.preprocess import preprocess
 from motionary.corpus.released import HumanML3DSource
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
+from motionary.evaluation.items import Items
 from motionary.features import codec
 from motionary.motion import Motion, Skeleton
 
@@ -16,7 +18,8 @@ PART = "someone # stops#someone/PRON stop/VERB#1.0#4.0\n"
 
 @pytest.fixture
 def release(tmp_path, motion_of):
-    """Twelve motions; 000003 comes with its mirrored copy, 000005 only as features, 000007 with a timed caption."""
+    """Twelve motions; 000003 comes with its mirrored copy, 000005 only as features, 000007 with a timed caption. Joints
+    and features of a release have equally many frames."""
     root = tmp_path / "HumanML3D"
     for folder in ("new_joints", "new_joint_vecs", "texts"):
         (root / folder).mkdir(parents=True)
@@ -37,7 +40,8 @@ def release(tmp_path, motion_of):
 
 
 def build(root, out, **changes):
-    settings = {"source": "humanml3d", "roots": [str(root)], "split": "given", "workers": 1} | changes
+    settings = {"source": "humanml3d", "roots": [str(root)], "split": "given", "workers": 1}
+    settings |= {"cut": "released", "min_seconds": 2.0} | changes
     report = preprocess(settings, out, progress=False)
     return report, Corpus.open(out)
 
@@ -57,7 +61,7 @@ def test_the_release_keeps_its_splits_mirrors_and_segments(release, tmp_path):
     # Every other training motion gets the mirrored copy that the release does not bring.
     assert sorted(clips.id[clips.origin == "HumanML3D/000004"]) == ["HumanML3D/000004", "HumanML3D/000004@mirror"]
     timed = (clips.origin == "HumanML3D/000007") & ~clips.mirrored
-    assert sorted(zip(clips.start[timed], clips.length[timed], strict=True)) == [(0.0, 116), (1.0, 60)]
+    assert sorted(zip(clips.start[timed], clips.length[timed], strict=True)) == [(0.0, 120), (1.0, 60)]
     assert "someone # stops" in set(corpus.captions.text)
 
 
@@ -124,6 +128,68 @@ def test_a_folder_without_split_files(tmp_path):
     (tmp_path / "new_joints").mkdir()
     with pytest.raises(InputError, match=r"train\.txt"):
         HumanML3DSource(tmp_path, "x").clips()
+
+
+LENGTHS = (38, 39, 40, 41, 43, 44, 120, 196, 198, 199, 200, 201, 330)  # feature frames
+SPANS = ((0.0, 0.0), (0.0, 2.0), (0.5, 2.49), (1.0, 4.0), (0.0, 9.98), (3.0, 99.0), (0.25, 1.9), (float("nan"), 1.0))
+
+
+def made_release(root, joints, fps, lengths):
+    """Every length in every split, each with its mirrored copy, and captions of every span."""
+    (root / "new_joints").mkdir(parents=True)
+    (root / "texts").mkdir()
+    skeleton = Skeleton.named("smpl22" if joints == 22 else "kit21")
+    rest = np.zeros((joints, 3))
+    for joint, parent in enumerate(skeleton.parents):
+        rest[joint] = skeleton.offsets[joint] + (rest[parent] if parent >= 0 else 0)
+    for split in ("train", "val", "test"):
+        names = []
+        for number, frames in enumerate(lengths):
+            sway = 0.05 * np.sin(np.arange(frames)[:, None, None] * 0.3 + np.arange(joints)[:, None] + number)
+            for name in (f"{split}{number:03d}", f"M{split}{number:03d}"):
+                np.save(root / "new_joints" / f"{name}.npy", rest + sway * (np.arange(joints) > 0)[:, None])
+                lines = [f"text {n}#text/NOUN {n}/NUM#{a}#{b}" for n, (a, b) in enumerate(SPANS)]
+                (root / "texts" / f"{name}.txt").write_text("\n".join(lines))
+                names.append(name)
+        (root / f"{split}.txt").write_text("\n".join(names))
+    return root
+
+
+def published(lengths, fps, least):
+    """(length used, captions) of every item of a split by the released loaders' rule."""
+    items = []
+    for frames in lengths:
+        if not least <= frames < 200:
+            continue
+        whole = [n for n, (a, b) in enumerate(SPANS) if a != a or a == b == 0]
+        items.append((frames // 4 * 4, tuple(whole)))
+        for n, (a, b) in enumerate(SPANS):
+            count = len(range(frames)[int(a * fps) : int(b * fps)]) if n not in whole else 0
+            if least <= count < 200:
+                items.append((count // 4 * 4, (n,)))
+    return sorted(items * 2)
+
+
+@pytest.mark.parametrize(("preset", "joints", "fps", "least"), [("humanml3d", 22, 20.0, 40), ("kit", 21, 12.5, 24)])
+def test_every_split_has_the_published_items(tmp_path, repository, preset, joints, fps, least):
+    """Motions and segments as long as the released loaders take them, mirrored ones in each split, no unit lost."""
+    lengths = (*LENGTHS, 23, 24, 27, 28)
+    root = made_release(tmp_path / "release", joints, fps, lengths)
+    settings = yaml.safe_load((repository / "conf" / "data" / f"{preset}.yaml").read_text())
+    report = preprocess(settings | {"roots": [str(root)], "workers": 1}, tmp_path / "out", progress=False)
+    corpus, expected = Corpus.open(tmp_path / "out"), published(lengths, fps, least)
+    assert report["problem_count"] == 0
+    assert not corpus.added.any()
+    for split in ("train", "val", "test"):
+        items = Items(corpus, split)
+        texts = [tuple(int(sentence.text.split()[1]) for sentence in options) for options in items.references]
+        found = sorted(zip([len(features) for features in items.features], texts, strict=True))
+        assert found == expected
+        assert corpus.clips.mirrored[items.rows].sum() * 2 == len(items)
+    # Longer motions train what reads no text, whole.
+    long = corpus.clips.origin == "release/train012"
+    assert not any(len(corpus.captions_of(row)) for row in np.flatnonzero(long))
+    assert corpus.clips.length[long & ~corpus.clips.mirrored].sum() >= 330 - 8
 
 
 @pytest.mark.real

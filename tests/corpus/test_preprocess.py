@@ -66,7 +66,7 @@ def test_windows_tile_the_frames_and_are_whole_units(corpus):
     np.testing.assert_array_equal(clips.offset, np.cumsum(clips.length) - clips.length)
     assert clips.offset[-1] + clips.length[-1] == len(corpus.frames)
     assert (clips.length % corpus.context.unit == 0).all()
-    assert clips.length.min() >= 36
+    assert clips.length.min() >= 16
     assert clips.length.max() <= corpus.context.max_frames
     assert np.isfinite(corpus.frames).all()
 
@@ -138,15 +138,42 @@ def test_any_number_of_workers_gives_the_same_bytes(some_clips, corpus, tmp_path
 
 def test_long_clips_are_cut_and_short_ones_dropped(tmp_path, folder_of):
     lines = [line(f"c{i}", "a person walks") for i in range(12)]
-    lengths = {"motions/c0.npy": 30, "motions/c1.npy": 420} | {f"motions/c{i}.npy": 60 for i in range(2, 12)}
+    lines[1]["action"], lines[2]["action"] = "walk", "bow"
+    lengths = {"motions/c0.npy": 18, "motions/c1.npy": 420, "motions/c2.npy": 30}
+    lengths |= {f"motions/c{i}.npy": 60 for i in range(3, 12)}
     report = build(folder_of(tmp_path / "x", lines, lengths), tmp_path / "out", mirror=False)
     assert report["dropped"] == {"segment too short": 1}
+    assert report["short"] == {"below_seconds": 2.0, "kept": {"bow": 1}, "dropped": {"no label": 1}}
     assert report["read"] == 12
     assert report["kept"] == 11
     corpus = Corpus.open(tmp_path / "out")
-    assert (corpus.clips.origin == "x/c1").sum() == 3
-    assert report["total"]["windows"] == len(corpus) == 13
-    assert sum(report["splits"][split].get("windows", 0) for split in report["splits"]) == 13
+    long = np.flatnonzero(corpus.clips.origin == "x/c1")
+    assert sum(len(corpus.captions_of(i)) for i in long) == 1
+    rest = corpus.clips.length[long][1:].sum() / 20 / 60
+    assert report["long"] == {"cropped": 1, "rest_windows": len(long) - 1, "rest_minutes": round(rest, 3)}
+    assert report["total"]["windows"] == len(corpus) == 10 + len(long)
+    assert sum(report["splits"][split].get("windows", 0) for split in report["splits"]) == len(corpus)
+    assert sum(report["caption_sources"]["no source"].values()) == len(corpus.captions) == 11
+
+
+def test_windows_below_two_seconds_are_the_papers_choice(tmp_path, folder_of):
+    lines = [line(f"c{i}", "a person walks") for i in range(10)]
+    root = folder_of(tmp_path / "x", lines, {"motions/c0.npy": 30})
+    assert build(root, tmp_path / "out", min_seconds=2.0)["dropped"] == {"segment too short": 1}
+
+
+def test_captions_keep_their_source_and_its_weight(tmp_path, folder_of):
+    lines = [line(f"c{i}") for i in range(10)]
+    for number, one in enumerate(lines):
+        one["captions"] = [{"text": f"text {number}", "source": ("people", "index")[number % 2]}]
+    root = folder_of(tmp_path / "x", lines)
+    report = build(root, tmp_path / "out", source_weights={"people": 3.0}, mirror=False)
+    captions = Corpus.open(tmp_path / "out").captions
+    np.testing.assert_array_equal(captions.weight, np.where(captions.source == "people", 3, 1))
+    assert {source: sum(counts.values()) for source, counts in report["caption_sources"].items()} == {
+        "index": 5,
+        "people": 5,
+    }
 
 
 def bad_files(folder: Path) -> dict[str, str]:
@@ -203,7 +230,7 @@ def test_a_root_that_teleports_is_dropped(tmp_path, folder_of, motion_of):
 
 
 def test_no_usable_clip_leaves_nothing_and_keeps_what_was_there(tmp_path, folder_of):
-    root = folder_of(tmp_path / "x", [line("c", "a person walks")], {"motions/c.npy": 20})
+    root = folder_of(tmp_path / "x", [line("c", "a person walks")], {"motions/c.npy": 18})
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "kept.txt").write_text("before")
     with pytest.raises(InputError, match="no usable clip"):

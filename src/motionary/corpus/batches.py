@@ -80,5 +80,6 @@ class Batches:
         """The batches of this rank in an epoch, from batch `start` on."""
         for index, batch in enumerate(self.order(epoch)):
             if index >= start:
-                rng = np.random.default_rng([self.seed, epoch, index, self.rank])
+                # From 1 on, since a seed that ends in zeros is the same without them: that of the order.
+                rng = np.random.default_rng([self.seed, epoch, 1 + index, self.rank])
                 yield self.dataset.collate(batch[self.rank :: self.world], rng)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from motionary.corpus.splits import KINDS
 from motionary.errors import InputError
 
+COVERING, RELEASED = "covering", "released"
+CUTS = (COVERING, RELEASED)
 SOURCES = ("demo", "folder", "humanml3d")
 
 
@@ -24,7 +26,12 @@ class DataConfig:
         fps: rate of the corpus.
         skeleton: target skeleton of retargeting ("smpl22", "kit21").
         codec: feature codec.
-        min_seconds, max_seconds: shorter segments are dropped, longer ones cut into equal pieces.
+        min_seconds, max_seconds: shorter segments are dropped; of longer ones a window is drawn, or pieces are cut
+            where they have no captions.
+        cut: "covering" or "released", how captioned segments become windows (see `windows.windows`).
+        least_cover: a window drawn from a longer segment keeps its captions if it shows at least this share of it.
+        source_weights: how much more often captions of a source are drawn in training, by the source's name; 1 for
+            the others.
         split: "clip", "subject", "combination" or "given" (see `splits.split_clips`).
         ratios: shares of train, val and test.
         seed: of the split and of the demo corpus.
@@ -41,8 +48,11 @@ class DataConfig:
     fps: float = 20.0
     skeleton: str = "smpl22"
     codec: str = "humanml3d"
-    min_seconds: float = 2.0
+    min_seconds: float = 1.0
     max_seconds: float = 10.0
+    cut: str = COVERING
+    least_cover: float = 0.0
+    source_weights: Mapping[str, float] = field(default_factory=dict)
     split: str = "clip"
     ratios: tuple[float, float, float] = (0.8, 0.05, 0.15)
     seed: int = 0
@@ -72,6 +82,7 @@ class DataConfig:
         self._text("name", "source", "skeleton", "codec", "split")
         self._choice("source", SOURCES)
         self._choice("split", KINDS)
+        self._choice("cut", CUTS)
         self._whole("seed", 0, 2**31 - 1)
         self._whole("workers", 0, 1024)
         self._whole("min_count", 1, 10**6)
@@ -79,6 +90,7 @@ class DataConfig:
         self._real("fps", 1, 240)
         self._real("min_seconds", 0.5, 600)
         self._real("max_seconds", 0.5, 600)
+        self._real("least_cover", 0, 1)
         if self.max_seconds < 2 * self.min_seconds:
             raise InputError("data.max_seconds", self.max_seconds, "must be at least twice min_seconds, to cut clips")
         for key in ("mirror", "strict"):
@@ -86,6 +98,7 @@ class DataConfig:
                 raise InputError(f"data.{key}", getattr(self, key), "must be true or false")
         self._roots()
         self._ratios()
+        self._weights()
 
     def _roots(self):
         for root in self.roots:
@@ -97,6 +110,13 @@ class DataConfig:
             raise InputError("data.roots", self.roots, "the demo reads no folder; use data=folder for your own clips")
         if self.source != "demo" and not self.roots:
             raise InputError("data.roots", "[]", f"source {self.source} needs at least one folder")
+
+    def _weights(self):
+        if not isinstance(self.source_weights, Mapping):
+            raise InputError("data.source_weights", self.source_weights, "must map caption sources to weights")
+        for source, weight in self.source_weights.items():
+            if not isinstance(source, str) or not _is_real(weight) or not 1e-3 <= weight <= 1e3:
+                raise InputError(f"data.source_weights.{source}", weight, "must be a number in 0.001..1000")
 
     def _ratios(self):
         rule = "must be three shares (train, val, test) from 0 to 1 that sum to 1, train above 0"

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from motionary.corpus.batch import Batch
+from motionary.corpus.caption_weights import CaptionWeights
 from motionary.corpus.store import Corpus
 from motionary.corpus.token_store import TokenStore
 from motionary.errors import InputError
@@ -71,6 +72,8 @@ class Windows:
 class Pairs:
     """Captioned windows at their full length, with one caption each.
 
+    Windows and captions are drawn in proportion to the weights of captions, where `data.source_weights` has any.
+
     Args:
         split: "train", "val" or "test".
         tokens: adds the motion tokens of each window; several stores hold those of the windows from their first,
@@ -84,7 +87,7 @@ class Pairs:
             `all_captions`. Otherwise an entry is a clip's first caption.
         max_words: longer captions are cut.
         motion: False leaves the features out (token models do not need them).
-        mirrored: False leaves the mirrored copies out.
+        mirrored: False leaves out the mirrored copies that preprocess added.
     """
 
     def __init__(
@@ -117,7 +120,7 @@ class Pairs:
         self.random = (split == "train" and not all_captions) if random is None else random
         rows = _rows(corpus, split, True)
         if not mirrored:
-            rows = rows[~corpus.clips.mirrored[rows]]
+            rows = rows[~corpus.added[rows]]
         first, last = corpus.caption_start[rows], corpus.caption_start[rows + 1]
         if all_captions:
             rows = np.repeat(rows, last - first)
@@ -125,7 +128,8 @@ class Pairs:
             last = first + 1
         self.rows, self.first, self.last = rows, first, last
         self.lengths = corpus.clips.length[rows]
-        self.weights = balanced(corpus.clips.group[rows], balance)
+        self.drawn = CaptionWeights(corpus.captions.weight, first, last)
+        self.weights = self.drawn.times(balanced(corpus.clips.group[rows], balance))
         self.words, self.tags, self.word_count = _encode(corpus, max_words)
 
     def __len__(self) -> int:
@@ -137,7 +141,7 @@ class Pairs:
         count, start = self.corpus.clips.length[rows], np.zeros(len(rows), dtype=np.int64)
         unit, shift = self.corpus.context.unit, np.zeros(len(rows), dtype=np.int64)
         if self.random:
-            caption = rng.integers(self.first[indices], self.last[indices])
+            caption = self.drawn.draw(indices, rng)
             if self.shifts > 1:
                 # What is left is whole units, as many for the motion as for its tokens.
                 shift = np.where(count >= 2 * unit, rng.integers(0, self.shifts, len(rows)), 0)

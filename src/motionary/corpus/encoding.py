@@ -10,7 +10,7 @@ import numpy as np
 from motionary.corpus.context import Context
 from motionary.corpus.workers import without_bind_pose
 from motionary.errors import InputError
-from motionary.motion import Motion, canonicalize, resample, retarget
+from motionary.motion import Motion, canonicalize, repeat_last_step, resample, retarget
 
 T = TypeVar("T")
 
@@ -23,11 +23,8 @@ def encode(motion: Motion, context: Context, whole: bool = False) -> np.ndarray:
         InputError: shorter than one unit, on an unknown rig, or not finite once encoded.
     """
     motion = retarget(resample(without_bind_pose(motion), context.fps), context.skeleton)
-    if motion.frames > 1 and (whole or motion.frames % context.unit == 0):
-        # T features decode to T frames, but it takes T + 1 to encode them: the last step is repeated, so that a
-        # generated motion is read whole.
-        after = 2 * motion.positions[-1:] - motion.positions[-2:-1]
-        motion = Motion(np.concatenate([motion.positions, after]), motion.fps, motion.skeleton)
+    if whole or motion.frames % context.unit == 0:
+        motion = repeat_last_step(motion)  # so that a generated motion is read whole
     frames, shortest = motion.frames - 1, 1
     if not whole:
         frames, shortest = min(frames, context.max_frames) // context.unit * context.unit, context.unit

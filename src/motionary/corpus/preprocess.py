@@ -22,7 +22,8 @@ from motionary.corpus.context import Context
 from motionary.corpus.readings import ReadingCounts
 from motionary.corpus.sources import Source, open_sources
 from motionary.corpus.splits import SPLITS, split_clips
-from motionary.corpus.store import CAPTION_SCHEMA, CLIP_SCHEMA
+from motionary.corpus.store import CAPTION_SCHEMA, CLIP_SCHEMA, MIRROR
+from motionary.corpus.tally import Tally
 from motionary.corpus.windows import Rule, Window
 from motionary.corpus.workers import Encoded, Recipe, clip_labels, encode_clip, in_order
 from motionary.corpus.writing import FrameWriter, RunningStatistics, group_deviation
@@ -59,7 +60,8 @@ def preprocess(
         # The demo's labels come with its motions, and these splits need them first.
         clips = list(_bar(in_order(clip_labels, [(clip,) for clip in clips], workers), clips, "labels", progress))
     splits = split_clips(clips, config.split, config.ratios, config.seed)
-    rule = Rule(config.fps, config.min_seconds, config.max_seconds, UNIT)
+    lengths = config.fps, config.min_seconds, config.max_seconds, UNIT
+    rule = Rule(*lengths, config.cut, config.least_cover, config.seed)
     recipe = Recipe(config.skeleton, config.codec, rule, config.mirror)
     jobs = [(clip, splits[clip.id], recipe) for clip in clips]
     with atomic_folder(Path(out)) as folder:
@@ -115,6 +117,7 @@ class _Build:
         self.codec = codec(self.config.codec, self.skeleton)
         self.frames = FrameWriter(self.folder / "frames.npy", self.codec.dim)
         self.statistics = RunningStatistics(self.codec.dim)
+        self.tally = Tally(self.config.fps)
 
     def add(self, encoded: Encoded, split: str) -> None:
         """Take in one clip; with `strict` its first problem ends everything."""
@@ -122,6 +125,7 @@ class _Build:
             raise encoded.problems[0]
         self.problems += encoded.problems
         self.dropped += encoded.dropped
+        self.tally.add(encoded, split)
         self.read[encoded.clip.group] += 1
         self.seconds[encoded.clip.group] += encoded.seconds
         if encoded.clip.reading is not None:
@@ -132,7 +136,7 @@ class _Build:
             self._row(name, encoded.clip, split, window, features, encoded.clip.mirrored)
             self.captions += [(len(self.rows) - 1, caption, caption.text) for caption in window.captions]
             if flipped is not None:
-                self._row(f"{name}@mirror", encoded.clip, split, window, flipped, True)
+                self._row(f"{name}{MIRROR}", encoded.clip, split, window, flipped, True)
                 texts = [(caption, mirror_text(caption.text)) for caption in window.captions]
                 self.captions += [(len(self.rows) - 1, caption, text) for caption, text in texts]
 
@@ -211,6 +215,7 @@ class _Build:
                 "key": keys[" ".join(sentence.words)],
                 "source": caption.source,
                 "human": caption.human,
+                "weight": self.config.source_weights.get(caption.source, 1.0),
             }
             for row, caption, text, sentence in kept
         ]
@@ -266,6 +271,7 @@ class _Build:
                 for name in sorted(self.read)
             },
             "captions": len(kept),
+            **self.tally.report(),
             "problem_count": len(self.problems),
             "problems": problem_rows(self.problems, self.prefix),
         }

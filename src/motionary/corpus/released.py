@@ -13,7 +13,7 @@ from motionary.corpus.splits import SPLITS
 from motionary.errors import InputError
 from motionary.features import HumanML3D
 from motionary.formats import read_motion
-from motionary.motion import Motion, Skeleton
+from motionary.motion import Motion, Skeleton, repeat_last_step
 
 # Joints -> what the two releases are: HumanML3D (SMPL joints, 20 fps) and KIT-ML (12.5 fps).
 RELEASES = {22: ("smpl22", 20.0), 21: ("kit21", 12.5)}
@@ -22,7 +22,10 @@ TALLEST = 10.0  # m; KIT-ML is released in millimetres, and nobody is this tall 
 
 @dataclass(frozen=True)
 class ReleasedMotion:
-    """Loader of `new_joints/<name>.npy` (T, J, 3) or, where that is absent, `new_joint_vecs/<name>.npy` (T-1, D)."""
+    """Loader of `new_joints/<name>.npy` (T, J, 3) or, where that is absent, `new_joint_vecs/<name>.npy` (T, D).
+
+    Both have as many frames, since the joints were made from the features; it takes one more to encode all of them.
+    """
 
     path: str
     features: bool = False  # the file holds HumanML3D's features, whatever codec the corpus has
@@ -39,7 +42,7 @@ class ReleasedMotion:
         extent = np.ptp(motion.positions[0], axis=0).max()
         if extent > TALLEST:
             motion = Motion(motion.positions / 1000, motion.fps, motion.skeleton)
-        return motion, clip
+        return repeat_last_step(motion), clip
 
     def _release(self, shape: tuple[int, ...]) -> tuple[str, float]:
         for joints, (name, fps) in RELEASES.items():

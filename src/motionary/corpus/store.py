@@ -20,6 +20,7 @@ from motionary.errors import InputError
 from motionary.files import written_by
 from motionary.motion import Motion
 
+MIRROR = "@mirror"  # ends the id of a mirrored copy that preprocess added
 CLIP_SCHEMA = pa.schema(
     [
         ("id", pa.string()),
@@ -46,6 +47,7 @@ CAPTION_SCHEMA = pa.schema(
         ("key", pa.int64()),
         ("source", pa.string()),
         ("human", pa.bool_()),
+        ("weight", pa.float32()),
     ]
 )
 
@@ -86,6 +88,7 @@ class Captions:
     key: np.ndarray
     source: np.ndarray
     human: np.ndarray
+    weight: np.ndarray
 
     def __len__(self) -> int:
         return len(self.clip)
@@ -179,6 +182,12 @@ class Corpus:
         if group is not None:
             keep &= self.clips.group == group
         return np.flatnonzero(keep)
+
+    @cached_property
+    def added(self) -> np.ndarray:
+        """(clips,) bool: the mirrored copies that preprocess added to training; those of a release are its own clips,
+        which count wherever clips do."""
+        return np.array([str(name).endswith(MIRROR) for name in self.clips.id], dtype=bool)
 
     @cached_property
     def style_ids(self) -> np.ndarray:

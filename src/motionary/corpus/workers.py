@@ -15,6 +15,7 @@ from itertools import islice
 import numpy as np
 
 from motionary.corpus.clips import Clip, checked_captions
+from motionary.corpus.config import RELEASED
 from motionary.corpus.windows import Rule, Window, windows
 from motionary.errors import InputError
 from motionary.features import codec
@@ -56,12 +57,12 @@ def encode_clip(clip: Clip, split: str, recipe: Recipe) -> Encoded:
     try:
         motion, clip = clip.load(clip)
         result.seconds = motion.duration
-        result.clip, result.problems = checked_captions(clip, motion.duration)
+        # The released loaders cut a caption that overhangs its motion; elsewhere it is a mistake.
+        released = recipe.rule.cut == RELEASED
+        result.clip, result.problems = (clip, []) if released else checked_captions(clip, motion.duration)
         motion = resample(without_bind_pose(motion), recipe.rule.fps)
         motion = retarget(motion, _skeleton(recipe.skeleton))
-        found, short = windows(result.clip, motion.frames, recipe.rule)
-        if short:
-            result.dropped["segment too short"] += short
+        found, result.dropped = windows(result.clip, motion.frames, recipe.rule)
         twin = recipe.mirror and clip.mirrors and split == "train"
         for window in found:
             part = motion.crop(window.first, window.first + window.length + 1)

@@ -13,7 +13,7 @@ from motionary.motion import Motion
 
 
 class Items:
-    """Captioned, unmirrored windows of a split.
+    """Captioned windows of a split, without the mirrored copies that preprocess added.
 
     Attributes:
         rows: (N,) rows of the corpus.
@@ -23,7 +23,7 @@ class Items:
 
     def __init__(self, corpus: Corpus, split: str = "test"):
         rows = corpus.rows(split, captioned=True)
-        self.rows = rows[~corpus.clips.mirrored[rows]]
+        self.rows = rows[~corpus.added[rows]]
         if len(self.rows) < 2:
             raise InputError(f"{split} split", len(self.rows), "needs at least 2 captioned windows to evaluate")
         self.corpus = corpus

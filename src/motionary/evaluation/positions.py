@@ -53,6 +53,6 @@ def test_positions(corpus: Corpus, model: MotionCodec) -> dict[str, Any]:
 
 
 def unmirrored(corpus: Corpus, split: str) -> np.ndarray:
-    """Rows of a split without the mirrored copies."""
+    """Rows of a split without the mirrored copies that preprocess added."""
     rows = corpus.rows(split)
-    return rows[~corpus.clips.mirrored[rows]]
+    return rows[~corpus.added[rows]]

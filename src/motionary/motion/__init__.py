@@ -7,7 +7,7 @@ from motionary.motion.kinematics import forward_kinematics
 from motionary.motion.motion import Motion
 from motionary.motion.retargeting import name_joints, retarget
 from motionary.motion.skeleton import Skeleton
-from motionary.motion.transforms import canonicalize, mirror, resample
+from motionary.motion.transforms import canonicalize, mirror, repeat_last_step, resample
 
 __all__ = [
     "Motion",
@@ -19,6 +19,7 @@ __all__ = [
     "heading",
     "mirror",
     "name_joints",
+    "repeat_last_step",
     "resample",
     "retarget",
 ]

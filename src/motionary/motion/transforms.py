@@ -56,6 +56,15 @@ def resample(motion: Motion, fps: float) -> Motion:
     return Motion(positions, fps, motion.skeleton, rotations)
 
 
+def repeat_last_step(motion: Motion) -> Motion:
+    """The motion with one frame more, in which every joint moves on as it did last: features of T frames decode to T
+    frames, but it takes T + 1 to encode them. Rotations are left out; a single frame stays as it is."""
+    if motion.frames < 2:
+        return motion
+    after = 2 * motion.positions[-1:] - motion.positions[-2:-1]
+    return Motion(np.concatenate([motion.positions, after]), motion.fps, motion.skeleton)
+
+
 def mirror(motion: Motion) -> Motion:
     """The motion as in a mirror: x becomes -x, left and right joints change places.
 

@@ -97,6 +97,6 @@ class Retrieval:
         ]
 
     def search(self, sentences: Sequence[Sentence], k: int = 5) -> np.ndarray:
-        """(N, k) rows of the corpus, unmirrored, nearest to each text first."""
-        rows = np.flatnonzero(~self.corpus.clips.mirrored)
+        """(N, k) rows of the corpus, without the mirrored copies that were added, nearest to each text first."""
+        rows = np.flatnonzero(~self.corpus.added)
         return self.index.nearest(self.judge.sentences(sentences), rows, k=min(k, len(rows)))
