@@ -129,6 +129,11 @@ from motionary.training.checkpoint import save_checkpoint
 model = torch.nn.Linear(100, 100)
 optimizer = torch.optim.SGD(model.parameters())
 """
+CLIP = """
+from motionary.corpus.demo import demo_clip
+from motionary.formats.render.video import write_video
+clip = demo_clip(3)[0]
+"""
 
 
 @pytest.mark.parametrize(
@@ -137,6 +142,9 @@ optimizer = torch.optim.SGD(model.parameters())
         ("", 'with atomic_file("kept/a.txt") as file: file.write_bytes(bytes(5000))', "kept/a.txt"),
         ("", 'with atomic_folder("kept") as folder: (folder / "a.txt").write_bytes(bytes(5000))', "kept"),
         (MODEL, 'save_checkpoint(Path("kept/a.txt"), model, optimizer, {}, {})', "kept/a.txt"),
+        (CLIP, 'write_video(clip, "kept/a.mp4")', "kept/a.mp4"),
+        (CLIP, 'write_video(clip, "kept/a.gif")', "kept/a.gif"),
+        (CLIP, 'clip.save("kept/a.glb")', "kept/a.glb"),
     ],
 )
 def test_a_full_disk_is_one_line_that_names_the_file(kept, before, block, named):

@@ -15,7 +15,7 @@ from pathlib import Path
 from motionary.errors import InputError
 
 UNFINISHED = ".unfinished-"  # how the names begin of what is being written; only a killed process leaves it
-_REFUSALS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
+DISK_REFUSALS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
 
 
 def readable(path: str | os.PathLike) -> Path:
@@ -192,7 +192,7 @@ def _told(path: Path, temporary: Path) -> Iterator[None]:
         # A failed write names no file; a failed open names the one it is about, which may be an input of the block.
         named = str(getattr(error, "filename", None) or "")
         ours = not named or named.startswith(str(temporary)) or str(path).startswith(named)
-        if number not in _REFUSALS or not ours:
+        if number not in DISK_REFUSALS or not ours:
             raise
         raise InputError(path, os.strerror(number), "cannot be written") from None
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
+import tempfile
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from imageio_ffmpeg import get_ffmpeg_exe, read_frames
 from motionary.errors import InputError
 from motionary.formats.render.figure import COLORS, limbs, segments
 from motionary.formats.render.scene import Scene
-from motionary.formats.render.video import render_frame, render_strip, write_video
+from motionary.formats.render.video import _encode, render_frame, render_strip, write_video
 from motionary.motion import Motion, Skeleton
 
 
@@ -108,6 +110,17 @@ def test_gif_decodes(person, tmp_path):
     frames = np.frombuffer(data, np.uint8).reshape(-1, 96, 96, 3)
     assert len(frames) >= person.frames - 1
     assert (hues(frames[5]) == 0).sum() > 20
+
+
+@pytest.mark.parametrize("kind", ["mp4", "gif"])
+def test_a_full_disk_is_told_as_the_system_does(person, tmp_path, monkeypatch, kind):
+    """ffmpeg, which writes the file, says it in words; not even its words need a disk."""
+    (tmp_path / f"full.{kind}").symlink_to("/dev/full")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    frames = [render_frame(person, 0.0, width=64, height=64)] * 400
+    with pytest.raises(OSError, match="No space left") as caught:
+        _encode(frames, (64, 64), 20.0, tmp_path / f"full.{kind}", kind == "gif")
+    assert caught.value.errno == errno.ENOSPC
 
 
 def test_strip_has_a_cell_per_pose(person, tmp_path):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import signal
 import subprocess
-import tempfile
+import threading
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -14,7 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from motionary.errors import InputError
-from motionary.files import atomic_file
+from motionary.files import DISK_REFUSALS, atomic_file
 from motionary.formats.render.scene import Scene
 from motionary.motion import Motion
 
@@ -184,7 +187,7 @@ def _label(text: str, width: int, size: int) -> np.ndarray:
 
 
 def _encode(frames: Iterable[np.ndarray], shape: tuple[int, int], fps: float, path: Path, gif: bool) -> None:
-    """Pipe frames (H, W, 3) uint8 through ffmpeg into `path`."""
+    """Pipe frames (H, W, 3) uint8 through ffmpeg into `path`; OSError where the disk takes no more."""
     from imageio_ffmpeg import get_ffmpeg_exe
 
     command = [get_ffmpeg_exe(), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
@@ -195,19 +198,32 @@ def _encode(frames: Iterable[np.ndarray], shape: tuple[int, int], fps: float, pa
     else:
         command += ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
         command += ["-movflags", "+faststart", "-threads", "2"]
-    with tempfile.TemporaryFile() as errors:
-        process = subprocess.Popen([*command, str(path)], stdin=subprocess.PIPE, stderr=errors)
+    said: list[bytes] = []
+    with subprocess.Popen([*command, str(path)], stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdin is not None
+        listener = threading.Thread(target=lambda: said.extend(process.stderr or ()), daemon=True)
+        listener.start()  # no file: the disk for those may be full, too
         try:
             for frame in frames:
                 process.stdin.write(frame.tobytes())
             process.stdin.close()
         except BrokenPipeError:
-            pass  # ffmpeg stopped; its own message says why
+            with suppress(BrokenPipeError):
+                process.stdin.close()  # ffmpeg stopped; its own message says why
         except BaseException:
             process.kill()
-            process.wait()
             raise
-        if process.wait() != 0:
-            errors.seek(0)
-            raise RuntimeError(f"ffmpeg could not write {path.name}: {errors.read().decode(errors='replace').strip()}")
+        code = process.wait()
+        listener.join()
+    if code != 0:
+        text = b" ".join(said).decode(errors="replace").strip()
+        if number := _refusal(code, text):
+            raise OSError(number, os.strerror(number))
+        raise RuntimeError(f"ffmpeg could not write {path.name}: {text}")
+
+
+def _refusal(code: int, said: str) -> int | None:
+    """The system's number of what kept ffmpeg from writing, by its exit code and words; None where it was another."""
+    if code == -signal.SIGXFSZ:
+        return errno.EFBIG
+    return next((number for number in DISK_REFUSALS if os.strerror(number) in said), None)
