@@ -96,6 +96,17 @@ def test_everything_ran_once_and_a_second_time_nothing(project):
     assert "reports/figures/tokenizer/curves.csv" in json.loads(plots)["data"]
 
 
+def test_an_experiment_with_a_wrong_value_runs_nothing(project):
+    params = project.root / "params.yaml"
+    before = params.read_text()
+    said = project.run("dvc", "exp", "run", "-S", "styles.held_out=0", check=False)
+    params.write_text(before)
+    assert "error: styles.held_out: 0: must lie between 0 and 1\n" in said
+    assert "failed to reproduce 'code'" in said
+    assert project.ran(said) == []
+    assert project.ran(project.run("dvc", "repro", LAST)) == []
+
+
 def test_large_outputs_share_their_file_with_the_cache(project):
     frames = project.root / "data" / "corpus" / "frames.npy"
     assert frames.is_symlink() or frames.stat().st_nlink > 1
