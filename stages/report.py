@@ -6,15 +6,18 @@ import hydra
 from motionary.files import write_bytes
 from motionary.pipeline.stage import Stage, run_stage
 from motionary.report.build import build_report
+from motionary.report.results import Results
+from motionary.report.verdicts import preferred
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
 @run_stage
 def main(config):
-    """all reports, data/corpus, models -> reports/index.html, reports/summary.json"""
+    """all reports, data/corpus, models -> reports/index.html, reports/preferred.json, reports/summary.json"""
     with Stage("report", config, ROOT) as stage:
         stage.input("data/corpus")
         page, numbers = build_report(ROOT, stage.section["examples"], stage.seed)
+        stage.report(preferred(Results.read(ROOT / "reports")), "reports/preferred.json")
         stage.tracker.artifact(write_bytes(stage.workspace.target / "reports" / "index.html", page))
         stage.report(numbers, "reports/summary.json")
 

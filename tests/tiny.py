@@ -16,6 +16,7 @@ def build_pipeline(root: Path, clips: int = 24) -> Path:
     from motionary.systems.io import Trained, build_model, save_model
     from motionary.systems.judges.corpus_search import Index
     from motionary.systems.judges.evaluator import Evaluator, EvaluatorConfig
+    from motionary.systems.judges.joint_evaluator import JointEvaluator, JointEvaluatorConfig
     from motionary.systems.judges.judge import Judge
     from motionary.systems.t2m.autoencoder import Autoencoder, AutoencoderConfig
     from motionary.systems.t2m.text2length import Text2Length, Text2LengthConfig
@@ -36,6 +37,9 @@ def build_pipeline(root: Path, clips: int = 24) -> Path:
         systems = {
             "tokenizer": Tokenizer(TokenizerConfig(codebook_size=16, code_dim=8, width=16, fine_width=8), context),
             "evaluator": Evaluator(judge, context).take_snippets(snippets.encoder),
+            "joint_evaluator": JointEvaluator(
+                JointEvaluatorConfig(width=16, num_layers=1, num_heads=2, dim=12), context
+            ),
             "text2token": Text2Token(Text2TokenConfig(16, word_dim=8, text_width=8, width=16, max_tokens=12), context),
             "motion2text": Motion2Text(
                 Motion2TextConfig(16, width=16, num_layers=1, dim_feedforward=32, num_heads=2, max_words=6), context

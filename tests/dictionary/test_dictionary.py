@@ -35,8 +35,8 @@ def same(a: Motion, b: Motion) -> bool:
 
 def test_it_knows_what_lies_there(d):
     assert d.systems == (
-        "evaluator", "inverse_alignment", "motion2text", "retrieval", "text2length", "text2motion", "text2token",
-        "tokenizer",
+        "evaluator", "inverse_alignment", "joint_evaluator", "motion2text", "retrieval", "text2length", "text2motion",
+        "text2token", "tokenizer",
     )  # fmt: skip
 
 
@@ -76,7 +76,7 @@ def test_every_generator_can_be_asked(d):
         assert len(d.generate(TEXTS, system=system)) == 3
     with pytest.raises(InputError, match="does not turn text into motion"):
         d.generate("walk", system="tokenizer")
-    have = "inverse_alignment, text2token, text2motion, retrieval"
+    have = "text2motion, text2token, inverse_alignment, retrieval"
     with pytest.raises(InputError, match=f"^system: temos: must be one of {have}$"):
         d.generate("walk", system="temos")
     with pytest.raises(InputError, match="does not turn motion into text"):
@@ -236,7 +236,7 @@ def test_what_is_no_system_is_left_alone(pipeline, tmp_path, walk):
     for call in (lambda: bare.generate("walk", system="a_foo"), lambda: bare.caption(walk, system="a_foo")):
         with pytest.raises(InputError, match=r"^system: a_foo: none of these models can turn"):
             call()
-    with pytest.raises(InputError, match=r"run `dvc repro inverse_alignment`$"):
+    with pytest.raises(InputError, match=r"run `dvc repro text2motion`$"):
         bare.generate("walk")
     with pytest.raises(InputError, match=r"run `dvc repro text2token`$"):
         bare.generate("walk", system="text2token")

@@ -8,6 +8,7 @@ import pytest
 from motionary.corpus.store import Corpus
 from motionary.evaluation.captioning import CONSENSUS, score_captioner
 from motionary.evaluation.items import Items
+from motionary.evaluation.jury import Jury
 from motionary.evaluation.scores import Protocol
 
 PROTOCOL = Protocol(repetitions=2, pool=4, diversity_pairs=5, batch_size=3, bert_score=False)
@@ -51,7 +52,7 @@ def items(pipeline):
 
 def test_consensus_is_scored_beside_beam_search(items):
     parrot = Parrot(items)
-    report = score_captioner(parrot, items, ByLength(), PROTOCOL)
+    report = score_captioner(parrot, items, Jury({"length": ByLength()}, PROTOCOL))
     assert report["consensus"]["draws"] == CONSENSUS
     assert report["consensus"]["language"]["all"]["bleu4"]["mean"] == pytest.approx(1.0)
     assert report["language"]["all"]["bleu4"]["mean"] < 0.1
@@ -66,6 +67,6 @@ def test_consensus_is_scored_beside_beam_search(items):
 
 def test_a_captioner_that_cannot_draw_is_scored_once(items):
     plain = Plain(items)
-    report = score_captioner(plain, items, ByLength(), PROTOCOL)
+    report = score_captioner(plain, items, Jury({"length": ByLength()}, PROTOCOL))
     assert "consensus" not in report
     assert {consensus for consensus, _ in plain.asked} == {0}

@@ -9,6 +9,7 @@ from motionary.corpus.store import Corpus
 from motionary.evaluation.confirmation import confirmed
 from motionary.evaluation.generation import score_generator
 from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.jury import Jury
 from motionary.evaluation.round_trip import score_reconstructor
 from motionary.evaluation.scores import Protocol
 
@@ -30,6 +31,13 @@ class ByLength:
         return np.stack([lengths, lengths], axis=1)
 
 
+class ByWords(ByLength):
+    """Another, for which all motions are alike."""
+
+    def motions(self, features):
+        return np.ones((len(features), 2)) + 1e-3 * (np.arange(len(features))[:, None] % 2)
+
+
 class Still:
     """Stands for 40 frames, or for as long as it is told."""
 
@@ -49,8 +57,12 @@ def items(pipeline):
     return Items(Corpus.open(pipeline / "data/corpus"))
 
 
+def jury(**changes):
+    return Jury({"length": ByLength(), "words": ByWords()}, Protocol(**{**vars(PROTOCOL), **changes}))
+
+
 def scored(generator, items, **changes):
-    return score_generator(generator, items, ByLength(), Protocol(**{**vars(PROTOCOL), **changes}))
+    return score_generator(generator, items, jury(**changes))
 
 
 def test_at_the_real_lengths_a_system_that_fails_only_in_length_is_as_good_as_real(items):
@@ -87,6 +99,32 @@ def test_every_repetition_of_the_generation_is_repeated_at_the_real_lengths(item
     assert sum(len(frames) for frames in generator.asked if frames is not None) == 3 * len(items)
 
 
+def test_every_judge_has_its_rows_and_they_are_those_of_that_judge_alone(items):
+    both = scored(Still(items.corpus.context.dim), items)
+    for name, judge in (("length", ByLength()), ("words", ByWords())):
+        alone = score_generator(Still(items.corpus.context.dim), items, Jury({name: judge}, PROTOCOL))
+        for key in ("generation", "real"):
+            for part, row in alone[key].items():
+                found = both[key][part]
+                assert {k: v for k, v in (found if name == "length" else found["by"][name]).items() if k != "by"} == row
+        spread = both["multimodality"] if name == "length" else both["multimodality"]["by"][name]
+        assert (spread["mean"], spread["half"]) == (alone["multimodality"]["mean"], alone["multimodality"]["half"])
+        assert "by" not in alone["generation"]["all"]
+        assert alone["agreement"] == {}
+    assert set(both["agreement"]) == {"words"}
+
+
+def test_judges_that_rank_alike_agree_and_opposed_ones_do_not(items):
+    rng = np.random.default_rng(0)
+    text, noise = rng.normal(size=(60, 8)), rng.normal(size=(60, 8)) * rng.uniform(0.1, 3, (60, 1))
+    near = Jury({"a": ByLength(), "same": ByLength(), "other": ByLength()}, PROTOCOL)
+    texts = {"a": text, "same": 2 * text + 1, "other": text}
+    motions = {"a": text + noise, "same": 2 * (text + noise) + 1, "other": text + noise[rng.permutation(60)]}
+    found = near.agreement(texts, motions)
+    assert found["same"] == 1.0
+    assert abs(found["other"]) < 0.5
+
+
 class Codec:
     """Gives motions back, or, where it has `lost` everything, bodies that keep their first pose."""
 
@@ -98,7 +136,7 @@ class Codec:
 
 
 def test_the_oracle_confirms_what_a_codec_keeps(items):
-    kept, lost = (score_reconstructor(Codec(lost), items, ByLength(), PROTOCOL) for lost in (False, True))
+    kept, lost = (score_reconstructor(Codec(lost), items, jury()) for lost in (False, True))
     captions = items.choose(0)
     sentences = [sentence_of(items.corpus, c) for c in captions]
     real = confirmed(items, sentences, items.features, items.parts(captions))

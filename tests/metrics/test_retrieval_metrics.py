@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from motionary.errors import InputError
-from motionary.metrics import multimodal_distance, r_precision
+from motionary.metrics import multimodal_distance, own_ranks, r_precision, rank_correlation
 
 
 def features(rows=320, dim=16, seed=0):
@@ -84,3 +84,21 @@ def test_multimodal_distance_of_known_offsets():
 def test_bad_input_is_named(call):
     with pytest.raises(InputError):
         call()
+
+
+def test_own_ranks_in_closed_form_with_ties():
+    text = np.array([[0.0], [1.0], [5.0], [9.0]])
+    motion = np.array([[0.4], [0.4], [4.0], [20.0]])
+    assert own_ranks(text, motion).tolist() == [1.5, 1.5, 1.0, 4.0]
+    assert own_ranks(np.zeros((5, 2)), np.zeros((5, 2))).tolist() == [3.0] * 5
+
+
+def test_rank_correlation_is_spearman_s():
+    from scipy.stats import spearmanr
+
+    rng = np.random.default_rng(0)
+    a, b = rng.integers(0, 9, 50), rng.integers(0, 9, 50)
+    assert rank_correlation(a, b) == pytest.approx(spearmanr(a, b).statistic)
+    assert rank_correlation([1, 2, 4], [3, 30, 300]) == pytest.approx(1)
+    assert rank_correlation([1, 2, 4], [3, 2, 1]) == pytest.approx(-1)
+    assert rank_correlation([1, 2, 4], [7, 7, 7]) == 0

@@ -84,7 +84,13 @@ def test_nonsense_is_refused_for_every_key(value, right):
 def test_zero_is_refused_where_something_is_needed():
     """And nowhere else, but where no number belongs: text, lists, switches."""
     needed = {key for key in KEYS if key.split(".")[-1] in NEEDED.split()}
-    needed |= {"evaluator.temperature", "text2token.temperature", "style_evaluator.scale"}
+    needed |= {
+        "evaluator.temperature",
+        "joint_evaluator.temperature",
+        "joint_evaluator.rate",
+        "text2token.temperature",
+        "style_evaluator.scale",
+    }
     needed |= {"text2token.guidance"}  # without text_dropout
     numbers = {key for key in KEYS if isinstance(value_of(key), int | float) and not isinstance(value_of(key), bool)}
     assert refused(0) == needed | (set(KEYS) - numbers)

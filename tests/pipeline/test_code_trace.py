@@ -22,11 +22,12 @@ pytestmark = pytest.mark.slow
 
 TRACED = Path(__file__).parent / "traced"
 TRAINED = ("autoencoder", "tokenizer", "evaluator", "motion2text", "text2token", "inverse_alignment", "text2length")
-TRAINED += ("text2motion", "latents", "global_motion", "stylization", "style_evaluator")
+TRAINED += ("text2motion", "latents", "global_motion", "stylization", "style_evaluator", "joint_evaluator")
 SMALL = {
     "autoencoder": {"width": 8, "code_dim": 8},
     "tokenizer": {"codebook_size": 8, "code_dim": 8, "width": 8, "fine_width": 8},
     "evaluator": {"text_width": 8, "motion_width": 8, "dim": 8},
+    "joint_evaluator": {"width": 8, "num_heads": 2, "num_layers": 1, "dim": 8},
     "motion2text": {"width": 8, "num_heads": 2, "num_layers": 1, "dim_feedforward": 8, "max_words": 4}
     | {"offsets": 2, "ensemble": 2},
     "text2token": {"text_width": 8, "width": 8, "max_tokens": 10},

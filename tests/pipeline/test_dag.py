@@ -4,7 +4,7 @@ import yaml
 
 from motionary.pipeline.code import FOLDER, Code
 from motionary.study.experiments import paths_of, with_values
-from motionary.systems.registry import filled, find, served_by
+from motionary.systems.registry import EMBED, filled, find, offering, served_by
 
 # Stages without a model of their own.
 PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "report"}
@@ -37,7 +37,7 @@ def test_a_stage_that_draws_depends_on_its_seed(repository):
         code = (repository / "stages" / f"{name}.py").read_text()
         draws = "stage.seed" in code or "train(" in code
         own = "seed" in params.get(name, {})  # the judge's: systems of all seeds meet the same one
-        assert own == (name in ("autoencoder", "evaluator"))
+        assert own == (name in ("autoencoder", "evaluator", "joint_evaluator"))
         assert ("seed" in stage.get("params", [])) == (draws and not own), name
 
 
@@ -64,7 +64,7 @@ def test_an_evaluation_hangs_on_every_model_that_it_opens(repository):
     found = with_values(pipeline, params)["stages"]
     for system in params["evaluation"]["systems"]:
         models = {path for path in found[f"evaluation@{system}"]["deps"] if path.startswith("models/")}
-        assert models == {f"models/{name}" for name in served_by([system, "retrieval"])}
+        assert models == {f"models/{name}" for name in served_by([system, "retrieval", *offering(EMBED)])}
     assert "models/text2length" in found["evaluation@text2motion"]["deps"]
     assert "models/text2length" not in found["text2motion"]["deps"]  # it is trained without
 
@@ -86,7 +86,12 @@ def test_the_map_is_short(repository):
 
 def test_the_page_depends_on_every_report_that_it_shows(repository):
     shown = {path for name, stage in stages(repository).items() for path in stage.get("metrics", [])}
-    shown -= {"reports/summary.json", "reports/retrieval.json", "reports/evaluation/${key}.json"}
+    shown -= {
+        "reports/summary.json",
+        "reports/preferred.json",
+        "reports/retrieval.json",
+        "reports/evaluation/${key}.json",
+    }
     assert shown <= set(stages(repository)["report"]["deps"])
 
 

@@ -12,12 +12,13 @@ import pytest
 from motionary.errors import InputError
 from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.motion import Motion, Skeleton
-from motionary.report import summary, tables
+from motionary.report import caption_tables, summary, tables
 from motionary.report.document import render
 from motionary.report.physics_tables import physics_tables
 from motionary.report.players import Example, players_html
 from motionary.report.results import Results
 from motionary.report.table import Table, show
+from motionary.report.verdicts import preferred, verdicts_table
 
 PIXEL = bytes.fromhex(
     "89504e470d0a1a0a0000000d49484452000000010000000108000000003a7e9b550000000a49444154789c6360000000020001"
@@ -158,7 +159,7 @@ def test_every_part_gets_its_tables(reports):
 
 
 def test_captioners_are_compared_with_real_captions(reports):
-    table = tables.motion_to_text(Results.read(reports))
+    table = caption_tables.motion_to_text(Results.read(reports))
     assert [row[0] for row in table.rows] == ["real captions", "beta", "gamma"]
     real, beta = (dict(zip(table.columns, table.rows[i], strict=True)) for i in (0, 1))
     assert real["BLEU-4"] == "-"
@@ -243,12 +244,12 @@ def test_every_model_of_a_stage_has_a_row_of_training():
 
 
 def test_captions_stand_beside_those_of_a_reader_of_the_labels(reports):
-    assert tables.captions_by_labels(Results.read(reports)) is None  # no report has labels
+    assert caption_tables.captions_by_labels(Results.read(reports)) is None  # no report has labels
     report = captioner_report()
     interval = {"mean": 0.7, "half": 0.02}
     report["labels"] = {"seen": {"items": 30, "bleu4": interval, "reader": {"mean": 0.75, "half": 0.01}, "said": 0.5}}
     report["consensus"] = {**captioner_report(), "draws": 7, "labels": {"unseen": {"items": 4, "bleu4": interval}}}
-    table = tables.captions_by_labels(Results({"y": report}))
+    table = caption_tables.captions_by_labels(Results({"y": report}))
     assert table.rows == [
         ["a reader who knows both", "0.750 ± 0.010", "100.0%", "-"],
         ["y", "0.700 ± 0.020", "50.0%", "-"],
@@ -332,3 +333,68 @@ def test_physics_stand_beside_real_motions_in_units_that_can_be_read(reports):
     ]
     assert found[1].rows == [["real motions", "-", "-", "-", "-", "2.000 ± 1.000"]]
     assert tables.summary(Results({"alpha": alpha}))["real"]["jitter"] == 20.0
+
+
+def by_two(first: float, second: float, half: float = 0.01, **more) -> dict:
+    """A report of generation whose FID and R@3 are the same by both judges, or as `more` says."""
+
+    def row(fid: float, r3: float) -> dict:
+        return {"fid": {"mean": fid, "half": 0.0}, "r3": {"mean": r3, "half": half}}
+
+    own = {**row(first, 0.5), "items": 40, "pool": 32, "by": {"other": row(second, more.get("r3", 0.5))}}
+    spread = {"mean": 2.0, "half": 0.1, "by": {"other": {"mean": 7.25, "half": 0.1}}}
+    return {"judge": "a1", "judges": {"main": "a1", "other": "b2"}, "generation": {"all": own}, "real": {"all": own},
+            "agreement": {"other": 0.625}, "multimodality": spread}  # fmt: skip
+
+
+def test_both_judges_have_a_table_and_both_hashes_are_named():
+    results = Results({"alpha": by_two(1.0, 20.0), "beta": by_two(2.0, 30.0, r3=0.75)})
+    assert results.evaluators == ["a1", "b2"]
+    (other,) = tables.by_other_judges(results)
+    assert other.title == "Text to motion: by other"
+    beta = dict(zip(other.columns, other.rows[2], strict=True))
+    assert (beta["FID"], beta["R@3"], beta["Multimodality"]) == ("30.000", "0.750 ± 0.010", "7.250 ± 0.100")
+    first = tables.text_to_motion(results)
+    assert dict(zip(first.columns, first.rows[2], strict=True))["FID"] == "2.000"
+    assert tables.summary(results)["beta"]["fid_other"] == 30.0
+    assert "by other" in render(results)
+    captions = captioner_report() | {"judges": {"main": "a1", "other": "b2"}}
+    captions["captioning"] = {
+        "all": {**captions["captioning"]["all"], "by": {"other": {"r3": {"mean": 0.25, "half": 0}}}}
+    }
+    table = caption_tables.motion_to_text(Results({"y": captions}))
+    assert dict(zip(table.columns, table.rows[1], strict=True))["R@3 by other"] == "0.250"
+
+
+def test_a_claim_counts_where_the_judges_say_the_same():
+    results = Results(
+        {"alpha": by_two(1.0, 30.0), "beta": by_two(2.0, 20.0, r3=0.75), "gamma": by_two(3.0, 40.0, r3=0.515)}
+    )
+    table = verdicts_table(results)
+    assert table.columns == ["", "R@3, main", "R@3, other", "FID, main", "FID, other"]
+    assert table.rows == [
+        ["alpha or beta", "-", "beta", "alpha", "beta"],
+        ["alpha or gamma", "-", "-", "alpha", "alpha"],  # 0.015 apart, 0.02 of interval
+        ["beta or gamma", "-", "beta", "beta", "beta"],
+    ]
+    assert "0.62 for other" in table.note
+    assert verdicts_table(Results({"alpha": generator_report(0.5), "beta": generator_report(1.0)})) is None
+
+
+def test_the_preferred_generator_is_best_by_both_judges_and_no_copy():
+    agreed = {"alpha": by_two(3.0, 30.0), "beta": by_two(2.0, 20.0), "retrieval": by_two(0.1, 0.1)}
+    found = preferred(Results(agreed))
+    assert found["text_to_motion"] == "beta"
+    assert found["fid"] == {"main": {"alpha": 3.0, "beta": 2.0}, "other": {"alpha": 30.0, "beta": 20.0}}
+    assert preferred(Results(agreed | {"gamma": by_two(1.0, 25.0)}))["text_to_motion"] is None
+    assert preferred(Results({"alpha": generator_report(0.5)}))["text_to_motion"] is None  # one judge is not enough
+    assert preferred(Results())["text_to_motion"] is None
+
+
+def test_raw_captions_have_a_table():
+    report = captioner_report()
+    words = {key: {"mean": 0.25, "half": 0.125} for key in ("bleu1", "bleu4", "rouge_l", "cider")}
+    report["language"]["all"]["raw"] = words
+    table = caption_tables.raw_captions(Results({"y": report}))
+    assert table.columns == ["", "BLEU-1", "BLEU-4", "ROUGE-L", "CIDEr"]
+    assert table.rows == [["y", *["0.250 ± 0.125"] * 4]]

@@ -50,6 +50,26 @@ class PairBatch(TextBatch, MotionBatch, Protocol):
     """Motions and their captions."""
 
 
+class SentenceBatch(Protocol):
+    """Captions as a frozen language model reads them.
+
+    Attributes:
+        states: (B, N, d) token states, zero beyond `state_count` (B,).
+        text_key: (B,) id of the distinct normalized text.
+    """
+
+    states: Tensor
+    state_count: Tensor
+    text_key: Tensor
+
+
+class JointBatch(SentenceBatch, Protocol):
+    """Motions as joints alone, and their captions: `joints` (B, T, J, 3) in metres, zero beyond `frames` (B,)."""
+
+    joints: Tensor
+    frames: Tensor
+
+
 class TokenBatch(TextBatch, Protocol):
     """Captions and the tokens of their motions: `tokens` (B, S) are codes 0 .. K-1, zero beyond `token_count` (B,)."""
 
@@ -85,6 +105,9 @@ class Batch:
     caption: Tensor = field(default_factory=_left_out)
     tokens: Tensor = field(default_factory=_left_out)
     token_count: Tensor = field(default_factory=_left_out)
+    states: Tensor = field(default_factory=_left_out)
+    state_count: Tensor = field(default_factory=_left_out)
+    joints: Tensor = field(default_factory=_left_out)
     style: Tensor = field(default_factory=_left_out)
     action: Tensor = field(default_factory=_left_out)
 

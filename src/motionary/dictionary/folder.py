@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from threading import RLock
 from typing import Any, TypeVar
@@ -13,6 +15,7 @@ from motionary.systems.protocols import TextMotionJudge
 from motionary.systems.registry import EMBED, TELLS, find, known, offering, served_by
 
 T = TypeVar("T")
+BEST = "preferred.json"  # what the report found best
 
 
 class Folder:
@@ -44,8 +47,22 @@ class Folder:
         return self._once(name, "context", lambda: Context.from_json(read_record(self.models / name)["context"]))
 
     def offering(self, offer: str) -> tuple[str, ...]:
-        """Names of the systems of the folder that offer something, the usual one first; opens none of them."""
-        return offering(offer, self.systems)
+        """Names of the systems of the folder that offer something, the usual one first; opens none of them. Usual is
+        the one that the report found best, where there is a report, else the registry's."""
+        found = offering(offer, self.systems)
+        return tuple(sorted(found, key=lambda name: name != self._best.get(offer)))
+
+    @cached_property
+    def _best(self) -> dict[str, Any]:
+        """What ``preferred.json`` says, among the models or in the reports beside them."""
+        for file in (self.models / BEST, self.models.parent / "reports" / BEST):
+            if file.is_file():
+                try:
+                    found = json.loads(file.read_text(encoding="utf-8"))
+                except ValueError as error:
+                    raise InputError(file, error, "must be JSON as the report writes it") from None
+                return found if isinstance(found, dict) else {}
+        return {}
 
     def first_of(self, *offers: str) -> str:
         """The usual system of the first of these offers that the folder has, else any that it has."""

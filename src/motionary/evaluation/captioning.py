@@ -9,19 +9,18 @@ import numpy as np
 from tqdm import tqdm
 
 from motionary.evaluation.items import Items
+from motionary.evaluation.jury import Jury
 from motionary.evaluation.labels import captions_by_labels, score_by_labels
-from motionary.evaluation.scores import Protocol, judged_parts
+from motionary.evaluation.scores import Protocol
 from motionary.language import Sentence, annotate
 from motionary.metrics.captions import caption_scores
 from motionary.metrics.intervals import Interval
-from motionary.systems.protocols import MotionToText, TextMotionJudge
+from motionary.systems.protocols import MotionToText
 
 CONSENSUS = 40  # draws, of which one becomes the caption
 
 
-def score_captioner(
-    captioner: MotionToText, items: Items, judge: TextMotionJudge, protocol: Protocol
-) -> dict[str, Any]:
+def score_captioner(captioner: MotionToText, items: Items, jury: Jury) -> dict[str, Any]:
     """Report of a motion-to-text system.
 
     Captions come from a beam search of size 2 (TM2T 4.3). Where the captioner can draw, "consensus" scores those by
@@ -31,8 +30,7 @@ def score_captioner(
     Args:
         captioner: the system's.
         items: captioned test windows.
-        judge: the evaluator.
-        protocol: repetitions and sizes.
+        jury: the judges, with repetitions and sizes.
 
     Returns:
         "language": for each part the scores against the normalized captions, and against the raw ones under "raw";
@@ -43,7 +41,7 @@ def score_captioner(
     references = [[" ".join(s.words) for s in options] for options in items.references]
     raw = [[s.text for s in options] for options in items.references]
     parts, known = items.parts(items.choose(0)), captions_by_labels(items.corpus)
-    features = judge.motions(items.features)
+    features, protocol = jury.motions(items.features), jury.protocol
 
     def scores(captions: list[str]) -> dict[str, Any]:
         """What is reported of captions, one for each item."""
@@ -56,16 +54,16 @@ def score_captioner(
                 **_rounded(caption_scores(picked, [references[i] for i in where], bert=protocol.bert_score)),
                 "raw": _rounded(caption_scores(picked, [raw[i] for i in where], bert=False)),
             }
-        judged = judged_parts([(judge.sentences(sentences), features, parts)], features, protocol)
+        judged = jury.rows([(jury.sentences(sentences), features, parts)], features)
         action = {name: named_action(sentences, items, where) for name, where in parts.items()}
         by_labels = score_by_labels(captions, references, items, known)
         return {"language": language, "captioning": _retrieval(judged), "action": action, "labels": by_labels}
 
     captions = caption_all(captioner, items, protocol)
-    real_text = judge.sentences([options[0] for options in items.references])
+    real_text = jury.sentences([options[0] for options in items.references])
     report = {
         **scores(captions),
-        "real": _retrieval(judged_parts([(real_text, features, parts)], features, protocol)),
+        "real": _retrieval(jury.rows([(real_text, features, parts)], features)),
         "examples": [
             {"caption": captions[i], "references": raw[i]} for i in np.linspace(0, len(items) - 1, 12).astype(int)
         ],
@@ -78,9 +76,13 @@ def score_captioner(
 
 def _retrieval(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """What the rows say of texts: the motions are the real ones, so their distribution says nothing."""
-    return {
-        name: {k: v for k, v in row.items() if not k.startswith(("fid", "diversity"))} for name, row in rows.items()
-    }
+
+    def of_texts(row: dict[str, Any]) -> dict[str, Any]:
+        """A row without what is said of motions."""
+        kept = {k: v for k, v in row.items() if not k.startswith(("fid", "diversity"))}
+        return kept | ({"by": {name: of_texts(r) for name, r in row["by"].items()}} if "by" in row else {})
+
+    return {name: of_texts(row) for name, row in rows.items()}
 
 
 def caption_all(captioner: MotionToText, items: Items, protocol: Protocol, consensus: int = 0) -> list[str]:

@@ -13,20 +13,21 @@ from motionary.corpus.context import Context
 from motionary.corpus.encoding import as_features
 from motionary.evaluation.confirmation import confirmed, fitted_oracle
 from motionary.evaluation.items import Items, sentence_of
+from motionary.evaluation.jury import Features, Jury
 from motionary.evaluation.plausibility import plausibility
-from motionary.evaluation.scores import Protocol, judged_parts
+from motionary.evaluation.scores import Protocol
 from motionary.language import Sentence, annotate
 from motionary.metrics.distribution import multimodality
+from motionary.metrics.intervals import Interval, interval
 from motionary.oracle.prompts import PROMPTS, holds
 from motionary.oracle.reading import read
-from motionary.systems.protocols import TextMotionJudge, TextToMotion
+from motionary.systems.protocols import TextToMotion
 
 
 def score_generator(
     generator: TextToMotion,
     items: Items,
-    judge: TextMotionJudge,
-    protocol: Protocol,
+    jury: Jury,
     seed: int = 0,
     nearest: np.ndarray | None = None,
 ) -> dict[str, Any]:
@@ -35,24 +36,24 @@ def score_generator(
     Args:
         generator: the system's.
         items: captioned test windows.
-        judge: the evaluator.
-        protocol: repetitions and sizes.
+        jury: the judges, with repetitions and sizes.
         seed: of the generations.
-        nearest: (M, E) features of the training motions, for the distance to the nearest of them.
+        nearest: (M, E) features of the training motions by the first judge, for the distance to the nearest of them.
 
     Returns:
-        "generation" and "real": rows by part; "real" is judged with the same captions and pools. "physics",
-        "oracle", "multimodality", and "nearest_training". With ``protocol.real_lengths`` and a generator that takes
-        lengths also "real_lengths": rows, physics and captions confirmed for motions as long as the real ones ("Ours
-        w/ real length" of the thesis's Table 4.2).
+        "generation" and "real": rows by part; "real" is judged with the same captions and pools. "agreement" of the
+        judges on real motions. "physics", "oracle", "multimodality", and "nearest_training". With
+        ``protocol.real_lengths`` and a generator that takes lengths also "real_lengths": rows, physics and captions
+        confirmed for motions as long as the real ones ("Ours w/ real length" of the thesis's Table 4.2).
     """
-    real = judge.motions(items.features)
-    draws = [_Draw.make(generator, items, judge, protocol, seed, number) for number in _numbers(protocol)]
+    protocol, real = jury.protocol, jury.motions(items.features)
+    draws = [_Draw.make(generator, items, jury, seed, number) for number in _numbers(protocol)]
     first = draws[0]
     report: dict[str, Any] = {
-        **_scores(draws, items, real, protocol),
-        "real": judged_parts([(d.text, real, d.parts) for d in draws], real, protocol),
-        "multimodality": _multimodality(generator, items, judge, protocol, seed),
+        **_scores(draws, items, real, jury),
+        "real": jury.rows([(d.text, real, d.parts) for d in draws], real),
+        "agreement": jury.agreement(first.text, real),
+        "multimodality": _multimodality(generator, items, jury, seed),
     }
     report["physics"]["real"] = plausibility(items, items.features)
     report["oracle"] |= {
@@ -61,50 +62,55 @@ def score_generator(
     }
     if nearest is not None:
         report["nearest_training"] = {
-            "generated": nearest_distance(first.motion, nearest),
-            "real": nearest_distance(real, nearest),
+            "generated": nearest_distance(first.motion[jury.first], nearest),
+            "real": nearest_distance(real[jury.first], nearest),
         }
     if protocol.real_lengths and generator.takes_lengths:
         frames = [len(features) for features in items.features]
-        held = [_Draw.make(generator, items, judge, protocol, seed, number, frames) for number in _numbers(protocol)]
-        report["real_lengths"] = _scores(held, items, real, protocol)
+        held = [_Draw.make(generator, items, jury, seed, number, frames) for number in _numbers(protocol)]
+        report["real_lengths"] = _scores(held, items, real, jury)
     return report
 
 
 @dataclass(frozen=True)
 class _Draw:
-    """One generation of the whole split: what was asked, what came, and the evaluator's features of both."""
+    """One generation of the whole split: what was asked, what came, and the judges' features of both."""
 
     sentences: list[Sentence]
     generated: list[np.ndarray]
-    text: np.ndarray
-    motion: np.ndarray
+    text: Features
+    motion: Features
     parts: dict[str, np.ndarray]
 
     @classmethod
     def make(
-        cls, generator: TextToMotion, items: Items, judge: TextMotionJudge, protocol: Protocol, seed: int, number: int,
+        cls,
+        generator: TextToMotion,
+        items: Items,
+        jury: Jury,
+        seed: int,
+        number: int,
         frames: Sequence[int] | None = None,
-    ) -> _Draw:  # fmt: skip
+    ) -> _Draw:
         """Generates for repetition `number`; `frames` are lengths to hold, one an item."""
         captions = items.choose(number)
         sentences = [sentence_of(items.corpus, c) for c in captions]
         label = f"generate {number + 1}{'' if frames is None else ', real lengths'}"
         generated = _generate(
-            generator, items.corpus.context, sentences, seed + 1_000_003 * number, protocol, label, frames
+            generator, items.corpus.context, sentences, seed + 1_000_003 * number, jury.protocol, label, frames
         )
-        return cls(sentences, generated, judge.sentences(sentences), judge.motions(generated), items.parts(captions))
+        return cls(sentences, generated, jury.sentences(sentences), jury.motions(generated), items.parts(captions))
 
 
 def _numbers(protocol: Protocol) -> range:
     return range(protocol.generation_repetitions)
 
 
-def _scores(draws: Sequence[_Draw], items: Items, real: np.ndarray, protocol: Protocol) -> dict[str, Any]:
+def _scores(draws: Sequence[_Draw], items: Items, real: Features, jury: Jury) -> dict[str, Any]:
     """What is measured of generations whatever decided their lengths; physics and the oracle read the first."""
     first = draws[0]
     return {
-        "generation": judged_parts([(d.text, d.motion, d.parts) for d in draws], real, protocol),
+        "generation": jury.rows([(d.text, d.motion, d.parts) for d in draws], real),
         "physics": {"generated": plausibility(items, first.generated)},
         "oracle": {"captions": confirmed(items, first.sentences, first.generated, first.parts)},
     }
@@ -138,22 +144,24 @@ def _prompts(generator: TextToMotion, items: Items, protocol: Protocol, seed: in
     return {"confirmed": round(float(each.mean()), 4), "samples": len(prompts), "each": by_prompt}
 
 
-def _multimodality(
-    generator: TextToMotion, items: Items, judge: TextMotionJudge, protocol: Protocol, seed: int
-) -> dict[str, Any]:
-    """Samples are drawn once; the repetitions draw the pairs."""
+def _multimodality(generator: TextToMotion, items: Items, jury: Jury, seed: int) -> dict[str, Any]:
+    """Samples are drawn once; the repetitions draw the pairs, the same for every judge."""
+    protocol = jury.protocol
     texts, samples = min(protocol.multimodality_texts, len(items)), protocol.multimodality_samples
     rng = np.random.default_rng([seed, 31])
     chosen = items.choose(0)[rng.permutation(len(items))[:texts]]
     sentences = [sentence_of(items.corpus, c) for c in chosen for _ in range(samples)]
     generated = _generate(generator, items.corpus.context, sentences, seed + 500_000_003, protocol, "multimodality")
-    features = judge.motions(generated).reshape(texts, samples, -1)
-    values = [
-        multimodality(features, protocol.multimodality_pairs, np.random.default_rng([r, 37]))
-        for r in range(protocol.repetitions)
-    ]
-    half = 1.96 * float(np.std(values)) / np.sqrt(len(values))
-    return {"mean": round(float(np.mean(values)), 5), "half": round(half, 5), "texts": texts, "samples": samples}
+    found = {name: f.reshape(texts, samples, -1) for name, f in jury.motions(generated).items()}
+    spreads = {name: _spreads(features, protocol).report() for name, features in found.items()}
+    own = spreads.pop(jury.first) | {"texts": texts, "samples": samples}
+    return own | ({"by": spreads} if spreads else {})
+
+
+def _spreads(features: np.ndarray, protocol: Protocol) -> Interval:
+    """Multimodality of features (texts, samples, E) over the repetitions."""
+    pairs, draws = protocol.multimodality_pairs, range(protocol.repetitions)
+    return interval([multimodality(features, pairs, np.random.default_rng([r, 37])) for r in draws])
 
 
 def nearest_distance(features: np.ndarray, training: np.ndarray) -> dict[str, float]:

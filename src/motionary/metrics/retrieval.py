@@ -71,6 +71,38 @@ def multimodal_distance(text: Any, motion: Any) -> float:
     return float(np.linalg.norm(text - motion, axis=1).mean())
 
 
+def own_ranks(text: Any, motion: Any) -> np.ndarray:
+    """(N,) place of each text's own motion among all motions by Euclidean distance, 1 the nearest; ties share the mean
+    of their places.
+
+    Args:
+        text: (N, D) query features.
+        motion: (N, D) candidate features of the same rows.
+    """
+    text, motion = matrix("text", text), matrix("motion", motion)
+    same_shape("text, motion", text, motion)
+    distance = _distances(text[None].astype(np.float64), motion[None].astype(np.float64))[0]
+    own, slack = np.diagonal(distance)[:, None], _TIE * distance.mean(-1, keepdims=True)
+    nearer = (distance < own - slack).sum(-1)
+    tied = (np.abs(distance - own) <= slack).sum(-1)  # itself included
+    return nearer + (tied + 1) / 2
+
+
+def rank_correlation(a: Any, b: Any) -> float:
+    """Spearman's correlation of two rankings of the same items; 0 where one tells no two items apart.
+
+    Args:
+        a, b: (N,) values, N >= 2.
+    """
+    from scipy.stats import rankdata  # late: with scipy, `import motionary` would take longer
+
+    a, b = matrix("a", a, 1), matrix("b", b, 1)
+    same_shape("a, b", a, b)
+    ranks = [rank - rank.mean() for rank in (rankdata(a), rankdata(b))]
+    norm = float(np.linalg.norm(ranks[0]) * np.linalg.norm(ranks[1]))
+    return float(ranks[0] @ ranks[1]) / norm if norm else 0.0
+
+
 def _distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Squared distances (P, n, n) of (P, n, D) queries and candidates, centered first so that cancellation is small."""
     center = b.mean(axis=(0, 1))

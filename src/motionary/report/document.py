@@ -10,13 +10,14 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from motionary.report import tables
+from motionary.report import caption_tables, tables
 from motionary.report.corpus_table import corpus_tables
 from motionary.report.physics_tables import physics_tables
 from motionary.report.players import Example, players_html
 from motionary.report.results import Results
 from motionary.report.style_tables import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
+from motionary.report.verdicts import verdicts_table
 
 LEAD = (
     "motionary is a two-way dictionary between human motion and language: it turns a sentence into 3D motion, and a "
@@ -90,11 +91,19 @@ def render(
 
 
 def _results(results: Results) -> str:
-    makers = (
-        tables.text_to_motion, tables.motion_to_text, tables.captions_by_labels, tables.reconstruction, tables.lengths,
-        tables.nearest_training,
-    )  # fmt: skip
-    body = _tables([make(results) for make in makers])
+    body = _tables(
+        [
+            tables.text_to_motion(results),
+            *tables.by_other_judges(results),
+            verdicts_table(results),
+            caption_tables.motion_to_text(results),
+            caption_tables.raw_captions(results),
+            caption_tables.captions_by_labels(results),
+            tables.reconstruction(results),
+            tables.lengths(results),
+            tables.nearest_training(results),
+        ]
+    )
     if body:
         return body
     return "<p>No system has been evaluated yet: run <code>dvc repro</code>.</p>"

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from motionary.report.results import Results, at
+from motionary.report.results import Results, at, with_variants
 from motionary.report.table import NONE, Table, show
-from motionary.report.tables import with_variants
 
 # Heading, key and what its value is multiplied by: metres are shown as millimetres, shares as percent.
 PHYSICS = (

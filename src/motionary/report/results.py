@@ -10,7 +10,9 @@ from typing import Any
 
 from motionary.errors import InputError
 
-OWN = ("summary.json",)  # what the report itself writes there
+# Parts of a report that are reports of the same system used in another way -> the name of their row.
+VARIANTS = {"real_lengths": "{name} with real lengths", "consensus": "{name} by consensus of {draws} draws"}
+OWN = ("summary.json", "preferred.json")  # what the report itself writes there
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,9 @@ class Results:
 
     @property
     def evaluators(self) -> list[str]:
-        """Hashes of the evaluators that judged the systems: one, unless reports of several runs are mixed."""
-        return sorted({report["judge"] for report in self.systems.values() if "judge" in report})
+        """Hashes of the evaluators that judged the systems: one a judge, unless reports of several runs are mixed."""
+        found = [[report.get("judge"), *report.get("judges", {}).values()] for report in self.systems.values()]
+        return sorted({judge for judges in found for judge in judges if judge})
 
 
 def at(report: Any, *keys: str) -> Any:
@@ -60,6 +63,17 @@ def parts_of(reports: Mapping[str, Any], key: str) -> list[str]:
     """Names of the parts that any of the reports has below `key`, "all" first."""
     names = dict.fromkeys(part for report in reports.values() for part in report[key])
     return sorted(names, key=lambda part: part != "all")
+
+
+def with_variants(systems: Mapping[str, dict[str, Any]], *kinds: str) -> dict[str, dict[str, Any]]:
+    """Each report, then as rows of their own those of its parts that are VARIANTS of these kinds."""
+    out = {}
+    for name, report in systems.items():
+        out[name] = report
+        for kind in kinds:
+            if kind in report:
+                out[VARIANTS[kind].format(name=name, **report[kind])] = report[kind]
+    return out
 
 
 def _json(path: Path) -> dict[str, Any]:

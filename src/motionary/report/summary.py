@@ -6,17 +6,19 @@ import sys
 from pathlib import Path
 
 from motionary.errors import InputError
-from motionary.report import tables
+from motionary.report import caption_tables, tables
 from motionary.report.physics_tables import physics_tables
 from motionary.report.results import Results
 from motionary.report.style_tables import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
+from motionary.report.verdicts import verdicts_table
 
 
 def main_tables(results: Results) -> list[Table]:
     """The tables that a first look needs."""
-    makers = (tables.text_to_motion, tables.motion_to_text, tables.reconstruction, tables.lengths)
-    return [table for make in makers if (table := make(results)) is not None] + stylization_tables(results)[:1]
+    found = [tables.text_to_motion(results), *tables.by_other_judges(results), verdicts_table(results)]
+    found += [caption_tables.motion_to_text(results), tables.reconstruction(results), tables.lengths(results)]
+    return [table for table in found if table is not None] + stylization_tables(results)[:1]
 
 
 def terminal(reports: Path) -> str:
@@ -35,7 +37,8 @@ def markdown(reports: Path) -> str:
     results = Results.read(reports)
     styled = [*stylization_tables(results)[1:], classifiers_table(results)]
     extra = [
-        tables.captions_by_labels(results),
+        caption_tables.raw_captions(results),
+        caption_tables.captions_by_labels(results),
         *physics_tables(results),
         *styled,
         tables.nearest_training(results),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from motionary.report.results import Results, at, parts_of
+from motionary.report.caption_tables import WORDED, motion_to_text
+from motionary.report.results import VARIANTS, Results, at, parts_of, with_variants
 from motionary.report.table import NONE, Table, percent, show
+from motionary.report.verdicts import judges_of
 
 JUDGED = (
     ("R@1", "r1"),
@@ -17,20 +19,16 @@ JUDGED = (
     ("MM distance", "mm_dist"),
     ("Diversity", "diversity"),
 )
-WORDED = (
-    ("BLEU-1", "bleu1"),
-    ("BLEU-4", "bleu4"),
-    ("ROUGE-L", "rouge_l"),
-    ("CIDEr", "cider"),
-    ("BERTScore", "bert_score"),
-)
-
-# Parts of a report that are reports of the same system used in another way -> the name of their row.
-VARIANTS = {"real_lengths": "{name} with real lengths", "consensus": "{name} by consensus of {draws} draws"}
 
 
-def text_to_motion(results: Results, part: str = "all") -> Table | None:
-    """Generated motions judged with their captions, real ones above them, reconstructed ones between."""
+def text_to_motion(results: Results, part: str = "all", judge: str | None = None) -> Table | None:
+    """Generated motions judged with their captions, real ones above them, reconstructed ones between.
+
+    Args:
+        results: of the pipeline.
+        part: of the test split.
+        judge: the one whose rows are shown; None is the first.
+    """
     systems = {n: r for n, r in results.having("generation").items() if part in r["generation"]}
     decoded = {n: r for n, r in results.having("reconstruction").items() if part in r["reconstruction"]}
     if not systems and not decoded:
@@ -41,7 +39,8 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
 
     def row(label: str, judged: Any, *more: str) -> list[str]:
         """A row of judged metrics and what else there is."""
-        cells = [show(at(judged, key)) for _, key in JUDGED]
+        own = judged if judge is None else at(judged, "by", judge)
+        cells = [show(at(own, key)) for _, key in JUDGED]
         return [label, *cells, *more, *[NONE] * (len(extra) - len(more))]
 
     real_oracle = percent(at(first, "oracle", "captions_real", part, "confirmed"))
@@ -54,7 +53,7 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
     for name, report in with_variants(systems, "real_lengths").items():
         captions = percent(at(report, "oracle", "captions", part, "confirmed"))
         more = (
-            show(report.get("multimodality")),
+            show(report.get("multimodality") if judge is None else at(report, "multimodality", "by", judge)),
             captions,
             percent(at(report, "oracle", "prompts", "confirmed")),
             show(at(report, "physics", "generated", "foot_skating")),
@@ -62,52 +61,8 @@ def text_to_motion(results: Results, part: str = "all") -> Table | None:
         rows.append(row(name, report["generation"][part], *(more if whole else (captions,))))
     judged = (first.get("generation") or first["reconstruction"])[part]
     note = f"{judged['items']} test motions, R-precision in pools of {judged['pool']}; ± is the 95% interval."
-    title = "Text to motion" if whole else f"Text to motion: {part}"
+    title = ": ".join(("Text to motion", *([] if whole else [part]), *([f"by {judge}"] if judge else [])))
     return Table(title, ["", *(heading for heading, _ in JUDGED), *extra], rows, note)
-
-
-def motion_to_text(results: Results, part: str = "all") -> Table | None:
-    """Captions against the references, and judged with the motions they describe."""
-    systems = {n: r for n, r in with_variants(results.having("language"), "consensus").items() if part in r["language"]}
-    if not systems:
-        return None
-    first = next(iter(systems.values()))
-    real = first.get("caption_real", first.get("real"))
-    judged = JUDGED[0], JUDGED[2], JUDGED[5]
-    columns = ["", *(h for h, _ in WORDED), "BLEU-4, raw captions", *(h for h, _ in judged), "names the action"]
-    rows = [["real captions", *[NONE] * 6, *(show(at(real, part, key)) for _, key in judged), NONE]]
-    for name, report in systems.items():
-        words = report["language"][part]
-        scores = [show(words.get(key)) for _, key in WORDED] + [show(at(words, "raw", "bleu4"))]
-        retrieval = [show(at(report, "captioning", part, key)) for _, key in judged]
-        rows.append([name, *scores, *retrieval, percent(at(report, "action", part, "named"))])
-    words = first["language"][part]
-    model = f"; BERTScore by {words['bert_model']}" if words.get("bert_model") else ""
-    note = (
-        f"{words['items']} test motions; scores on normalized captions{model}; ± is the 95% interval, of these scores"
-        " over captions, of R-precision over repetitions."
-    )
-    return Table("Motion to text" if part == "all" else f"Motion to text: {part}", columns, rows, note)
-
-
-def captions_by_labels(results: Results) -> Table | None:
-    """Captions of windows with known style and action beside those of a reader who knows both."""
-    systems = {
-        n: r["labels"] for n, r in with_variants(results.having("language"), "consensus").items() if r.get("labels")
-    }
-    if not systems:
-        return None
-    first = next(iter(systems.values()))
-    rows = [["a reader who knows both", show(at(first, "seen", "reader")), percent(1.0), NONE]]
-    for name, labels in systems.items():
-        seen, said = show(at(labels, "seen", "bleu4")), percent(at(labels, "seen", "said"))
-        rows.append([name, seen, said, show(at(labels, "unseen", "bleu4"))])
-    seen, unseen = (at(first, part, "items") or 0 for part in ("seen", "unseen"))
-    note = (
-        f"{seen} test motions with a style and an action that training saw together, {unseen} with two that it did not."
-        " The reader says the training caption for both that agrees best with the others; said: one of those captions."
-    )
-    return Table("Captions and labels", ["", "BLEU-4, seen", "said", "BLEU-4, unseen"], rows, note)
 
 
 def parts_tables(results: Results) -> list[Table]:
@@ -115,9 +70,17 @@ def parts_tables(results: Results) -> list[Table]:
     tables = []
     for key, make in (("generation", text_to_motion), ("language", motion_to_text)):
         for part in parts_of(results.having(key), key):
-            table = make(results, part) if part != "all" else None
-            tables += [table] if table else []
+            if part != "all":
+                tables += [table for table in (make(results, part), *by_other_judges(results, part, make)) if table]
     return tables
+
+
+def by_other_judges(
+    results: Results, part: str = "all", make: Callable[..., Table | None] = text_to_motion
+) -> list[Table]:
+    """The table of generation by each judge beyond the first; tables of captions have them as columns."""
+    made = [make(results, part, judge) for judge in judges_of(results)] if make is text_to_motion else []
+    return [table for table in made if table is not None]
 
 
 def reconstruction(results: Results) -> Table | None:
@@ -199,6 +162,14 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
             for _, metric in JUDGED:
                 put("real", metric, at(report, "real", "all", metric) if key in report else None)
                 put(name, metric, at(report, key, "all", metric))
+            for judge in judges_of(results):
+                for metric in ("r3", "fid"):
+                    put(
+                        "real",
+                        f"{metric}_{judge}",
+                        at(report, "real", "all", "by", judge, metric) if key in report else None,
+                    )
+                    put(name, f"{metric}_{judge}", at(report, key, "all", "by", judge, metric))
         put(name, "multimodality", report.get("multimodality"))
         put(name, "oracle_captions", at(report, "oracle", "captions", "all", "confirmed"))
         put(name, "oracle_prompts", at(report, "oracle", "prompts", "confirmed"))
@@ -221,17 +192,6 @@ def summary(results: Results) -> dict[str, dict[str, float]]:
                 put(f"{part}: {row}", metric, found["rows"][row][metric])
         for metric in ("style", "content"):
             put(name, f"{metric}_accuracy", at(report, "real", metric))
-    return out
-
-
-def with_variants(systems: Mapping[str, dict[str, Any]], *kinds: str) -> dict[str, dict[str, Any]]:
-    """Each report, then as rows of their own those of its parts that are VARIANTS of these kinds."""
-    out = {}
-    for name, report in systems.items():
-        out[name] = report
-        for kind in kinds:
-            if kind in report:
-                out[VARIANTS[kind].format(name=name, **report[kind])] = report[kind]
     return out
 
 

@@ -128,6 +128,10 @@ SYSTEMS: tuple[System, ...] = (
         offers={EMBED: "open_judge"}, build="build_evaluator",
     ),
     System(
+        "joint_evaluator", "judges", "joint_evaluator.JointEvaluator", "joint_evaluator.JointEvaluatorConfig",
+        offers={EMBED: "open_judge"}, build="build_joint_evaluator",
+    ),
+    System(
         "style_evaluator", "judges", "style_evaluator.StyleEvaluator", "style_evaluator.StyleEvaluatorConfig",
         offers={JUDGE_STYLE: "open_style_judge"}, build="build_style_evaluator",
     ),
@@ -137,8 +141,8 @@ SYSTEMS: tuple[System, ...] = (
     ),
 )  # fmt: skip
 
-# Which system answers where several offer the same and the call names none.
-PREFERRED = {TEXT_TO_MOTION: "inverse_alignment", MOTION_TO_TEXT: "motion2text"}
+# Which system answers where several offer the same, the call names none and no report says which is best.
+PREFERRED = {TEXT_TO_MOTION: "text2motion", MOTION_TO_TEXT: "motion2text"}
 
 
 @cache

@@ -14,7 +14,7 @@ T = TypeVar("T")
 SEED_KEY = "seed"
 
 # Keys of a stage's section that say how its training data is drawn (arguments of corpus.batches and corpus.labeled).
-DATA_KEYS = ("window", "drop_unit", "balance")
+DATA_KEYS = ("window", "drop_unit", "balance", "every_caption")
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,8 @@ def check_data(section: Mapping[str, Any], stage: str) -> None:
         value = section[key]
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
             raise InputError(f"{stage}.{key}", value, "must be a number in 0..1")
+    if not isinstance(value := section.get("every_caption", True), bool):
+        raise InputError(f"{stage}.every_caption", value, "must be true or false")
 
 
 def model_keys(section: Mapping[str, Any]) -> dict[str, Any]:

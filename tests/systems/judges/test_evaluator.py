@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 import torch
 
+from motionary.corpus.store import Corpus
 from motionary.errors import InputError
+from motionary.language import STATE_DIM, annotate
 from motionary.nn.layers import seeded
-from motionary.systems.judges.evaluator import Evaluator, EvaluatorConfig, infonce_loss, margin_loss
+from motionary.systems.judges.contrastive import infonce_loss, margin_loss
+from motionary.systems.judges.evaluator import Evaluator, EvaluatorConfig
+from motionary.systems.judges.judge import Judge
 from motionary.systems.t2m.autoencoder import Autoencoder, AutoencoderConfig
 
 SNIPPETS = AutoencoderConfig(width=24, code_dim=16)
@@ -124,9 +129,47 @@ def test_tags_count_unless_switched_off(context, batch):
         assert torch.equal(a, b) == (not tags)
 
 
+def test_sentences_of_frozen_states_are_learned_and_do_not_depend_on_padding(context, batches):
+    model, _ = build(context, text="sentence")
+    batch = batches(context, [32, 24, 16, 28, 32, 20])
+    count = torch.tensor([3, 5, 4, 6, 3, 4])
+    batch.states = torch.randn(6, 6, STATE_DIM, generator=torch.Generator().manual_seed(0))
+    batch.states *= (torch.arange(6) < count[:, None])[..., None]
+    batch.state_count = count
+    assert model.reads_states
+    assert not any("words" in name for name in model.state_dict())
+    optimizer = torch.optim.Adam([p for p in model.parameters() if p.requires_grad], 3e-3)
+    start = float(model.validate(batch)["loss"])
+    for step in range(60):
+        model.loss(batch, 0.0, torch.Generator().manual_seed(step))[0].backward()
+        optimizer.step()
+        optimizer.zero_grad()
+    values = model.eval().validate(batch)
+    assert float(values["loss"]) < 0.35 * start
+    assert float(values["top1"]) > 0.8
+    text = model.embed_states(batch.states, count)
+    torch.testing.assert_close(model.embed_states(batch.states[2:3, :4], count[2:3])[0], text[2], atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["evaluator", "joint_evaluator"])
+def test_a_judge_of_either_kind_answers_each_alone_as_in_company(pipeline, name):
+    judge, corpus = Judge(pipeline / "models" / name, batch_size=3), Corpus.open(pipeline / "data/corpus")
+    features = [corpus.features(row) for row in range(7)]
+    sentences = annotate(["a person walks", "an old man waves with the left hand for a while", "someone sits", "jumps"])
+    motions, texts = judge.motions(features), judge.sentences(sentences)
+    assert motions.shape[1] == texts.shape[1]
+    for i in (0, 5):
+        np.testing.assert_allclose(judge.motions([features[i]])[0], motions[i], atol=1e-3)
+    for i in range(4):
+        np.testing.assert_allclose(judge.sentences([sentences[i]])[0], texts[i], atol=2e-2)
+    assert np.abs(texts[0] - texts[1]).max() > 0.1
+
+
 def test_wrong_values_are_named(context, batch):
     with pytest.raises(InputError, match=r"evaluator\.objective"):
         EvaluatorConfig(objective="triplet")
+    with pytest.raises(InputError, match=r"evaluator\.text: letters: must be one of words, sentence"):
+        EvaluatorConfig(text="letters")
     with pytest.raises(InputError, match=r"evaluator\.temperature"):
         EvaluatorConfig(temperature=0.0)
     model, _ = build(context)

@@ -1,22 +1,22 @@
-"""The trained evaluator as a judge: features of motions and texts in one space."""
+"""A trained evaluator as a judge: features of motions and texts in one space."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
+from typing import Any
 
 import numpy as np
 import torch
 
-from motionary.language import Sentence
+from motionary.language import Sentence, TextStates
 from motionary.nn.padding import by_length, pad
 from motionary.systems.io import load_model, model_hash
-from motionary.systems.judges.evaluator import Evaluator
 
 
 class Judge:
-    """Embeds motions and sentences with a trained evaluator.
+    """Embeds motions and sentences with any trained network that has `embed_motion`, and `embed_states` where it
+    `reads_states` of sentences, else `embed_text`.
 
     Args:
         folder: of the trained evaluator.
@@ -25,7 +25,8 @@ class Judge:
     """
 
     def __init__(self, folder: Path, device: str = "cpu", batch_size: int = 64):
-        self.model = cast(Evaluator, load_model(folder, device))
+        self.model: Any = load_model(folder, device)
+        self.states = TextStates(device)
         self.hash = model_hash(folder)
         self.context = self.model.context
         self.device, self.batch_size = device, batch_size
@@ -44,9 +45,10 @@ class Judge:
         """(N, E) features of annotated sentences."""
         out = []
         for rows in by_length([len(sentence.words) for sentence in sentences], 4 * self.batch_size):
-            arrays = self.context.vocabulary.encode_batch([sentences[i] for i in rows])
-            words, tags, count = (torch.from_numpy(array).to(self.device) for array in arrays)
-            out.append((rows, self.model.embed_text(words, tags, count).cpu().numpy()))
+            some, states = [sentences[i] for i in rows], self.model.reads_states
+            arrays = self.states([s.text for s in some]) if states else self.context.vocabulary.encode_batch(some)
+            embed = self.model.embed_states if states else self.model.embed_text
+            out.append((rows, embed(*(torch.from_numpy(array).to(self.device) for array in arrays)).cpu().numpy()))
         return _collect(out)
 
 

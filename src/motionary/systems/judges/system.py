@@ -12,6 +12,7 @@ from motionary.systems.io import Trained
 if TYPE_CHECKING:
     from motionary.systems.judges.corpus_search import Retrieval
     from motionary.systems.judges.evaluator import Evaluator
+    from motionary.systems.judges.joint_evaluator import JointEvaluator
     from motionary.systems.judges.judge import Judge
     from motionary.systems.judges.style_evaluator import StyleEvaluator, StyleJudge
 
@@ -25,8 +26,15 @@ def build_evaluator(settings: Mapping[str, Any], context: Context, trained: Trai
     return Evaluator(config, context).take_snippets(autoencoder.encoder)
 
 
+def build_joint_evaluator(settings: Mapping[str, Any], context: Context, trained: Trained) -> JointEvaluator:
+    """A fresh judge of joints; `settings` are the keys of its config."""
+    from motionary.systems.judges.joint_evaluator import JointEvaluator, JointEvaluatorConfig
+
+    return JointEvaluator(configure(JointEvaluatorConfig, settings, "joint_evaluator"), context)
+
+
 def open_judge(trained: Trained, name: str) -> Judge:
-    """The trained evaluator, for motions and sentences of any number."""
+    """A trained evaluator, for motions and sentences of any number."""
     from motionary.systems.judges.judge import Judge
 
     return Judge(trained.path(name), str(trained.device))
