@@ -26,15 +26,29 @@ class InputError(ValueError):
     """
 
     def __init__(self, what: object, value: object, rule: str):
-        shown = " ".join(str(value).split())
-        if len(shown) > _LONGEST:
-            shown = shown[: _LONGEST - 3] + "..."
-        self.what, self.value, self.rule = str(what), value, rule
-        super().__init__(f"{what}: {shown}: {rule}")
+        self.what, self.value, self.rule = _printable(what), value, _printable(rule)
+        super().__init__(f"{self.what}: {shortened(value)}: {self.rule}")
 
     def __reduce__(self):
         # Exceptions cross process borders (parallel preprocessing); rebuild from the three parts.
-        return type(self), (self.what, str(self.value), self.rule)
+        return type(self), (self.what, shortened(self.value, 1000), self.rule)
+
+
+def _printable(text: object) -> str:
+    """The text as any terminal and any encoding can show it, in one line: what cannot be printed is spelled out."""
+    found = str(text)
+    if found.isprintable():
+        return found
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in found)
+
+
+def shortened(value: object, most: int = _LONGEST) -> str:
+    """A value in one line; one that has no text of its own (nested too deep, a number too long) by its kind."""
+    try:
+        found = _printable(" ".join(str(value).split()))
+    except (RecursionError, ValueError):
+        found = f"a {type(value).__name__}"
+    return found if len(found) <= most else found[: most - 3] + "..."
 
 
 class InputWarning(UserWarning):
@@ -77,7 +91,10 @@ def check_whole(name: str, value: Any, least: int) -> None:
 
 
 def _number(value: Any) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # a whole number beyond all floats
+        return False
 
 
 _hints = cache(get_type_hints)

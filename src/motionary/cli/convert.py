@@ -34,16 +34,17 @@ def _run(options: argparse.Namespace) -> None:
 
     extension = known_extension(Path(options.target).suffix or "none")
     writable(options.target, options.force)
-    motion, read = read_motion_warning(options.source, fps=options.source_fps, **shared.reading(options))
-    if options.verbose:
-        print(f"{options.source}: {read.line()}", file=sys.stderr)
-    motion = shared.cut(motion, options)
-    if options.skeleton is not None:
-        motion = retarget(motion, Skeleton.named(options.skeleton))
-    if options.fps is not None:
-        motion = resample(motion, options.fps)
-    given = {"force": options.force, "onto": options.onto}
-    print(write_motion(motion, options.target, **given, **captioned(extension, options.caption)))
+    with shared.naming(options.source, options.target, options.onto, options.mapping):
+        motion, read = read_motion_warning(options.source, fps=options.source_fps, **shared.reading(options))
+        if options.verbose:
+            print(f"{options.source}: {read.line()}", file=sys.stderr)
+        motion = shared.cut(motion, options)
+        if options.skeleton is not None:
+            motion = retarget(motion, Skeleton.named(options.skeleton))
+        if options.fps is not None:
+            motion = resample(motion, options.fps)
+        given = {"force": options.force, "onto": options.onto}
+        print(write_motion(motion, options.target, **given, **captioned(extension, options.caption)))
 
 
 COMMAND = Command(

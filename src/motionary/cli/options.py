@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -122,6 +124,18 @@ def read_files(options: argparse.Namespace) -> list[Motion]:
     from motionary.formats import read_motion
 
     return [cut(read_motion(path, fps=options.fps, **reading(options)), options) for path in options.files]
+
+
+@contextmanager
+def naming(file: str | os.PathLike, *others: str | os.PathLike | None) -> Iterator[None]:
+    """Complaints of the block name the file, whatever in it they are about, unless they name an option or one of the
+    `others`."""
+    try:
+        yield
+    except InputError as error:
+        if error.what.startswith("--") or any(str(name) in error.what for name in (file, *others) if name):
+            raise
+        raise InputError(f"{file}, {error.what}", error.value, error.rule) from None
 
 
 def cut(motion: Motion, options: argparse.Namespace) -> Motion:

@@ -9,9 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
 
-from motionary.errors import InputError
+from motionary.corpus.checks import check_home, check_unicode, unforeseen
+from motionary.errors import InputError, shortened
 from motionary.formats.read.reading_options import Reading, ReadingOptions, nearest_key
 from motionary.motion import Motion
+from motionary.motion.motion import SLOWEST_RATE
 from motionary.motion.roles import READING_KEYS
 
 MOTION_FILES = (".bvh", ".npy", ".npz", ".amc")
@@ -101,7 +103,7 @@ def checked_captions(clip: Clip, duration: float) -> tuple[Clip, list[InputError
 def problem_rows(problems: list[InputError], prefix: str = "", most: int = 500) -> list[dict[str, str]]:
     """The first problems for a report; `prefix` (where the project lies) is left out of file names."""
     return [
-        {"file": problem.what.replace(prefix, ""), "value": str(problem.value)[:200], "rule": problem.rule}
+        {"file": problem.what.replace(prefix, ""), "value": shortened(problem.value, 200), "rule": problem.rule}
         for problem in problems[:most]
     ]
 
@@ -124,10 +126,12 @@ def read_listing(path: Path, parse, where: str | None = None) -> tuple[list, lis
                 if not isinstance(values, dict):
                     raise InputError(place, line.strip(), "must be one JSON object per line")
                 items.append(parse(values, place, problems))
-            except (json.JSONDecodeError, RecursionError):
-                problems.append(InputError(place, line.strip(), "must be one JSON object per line"))
             except InputError as problem:
                 problems.append(problem)
+            except (ValueError, RecursionError):  # ValueError: also numbers of more digits than Python converts
+                problems.append(InputError(place, line.strip(), "must be one JSON object per line"))
+            except Exception as error:  # one bad line never ends a run
+                problems.append(unforeseen(place, error))
     return items, problems
 
 
@@ -158,6 +162,7 @@ def label(values: dict[str, Any], key: str, where: str) -> str:
         return ""
     if not isinstance(value, str) or len(value) > LONGEST_LABEL:
         raise InputError(f"{where}: {key}", value, f"must be a string of at most {LONGEST_LABEL} characters")
+    check_unicode(value, f"{where}: {key}")
     return value.strip()
 
 
@@ -171,8 +176,14 @@ def inside(root: Path, values: dict[str, Any], where: str) -> PurePosixPath:
         raise InputError(f"{where}: motion", value, "must stay inside the folder")
     if relative.suffix.lower() not in MOTION_FILES:
         raise InputError(f"{where}: motion", value, f"must end in {', '.join(MOTION_FILES)}")
-    if not (root / relative).is_file():
+    check_unicode(value, f"{where}: motion")
+    try:
+        found = (root / relative).is_file()
+    except OSError:  # longer than a name can be
+        found = False
+    if not found:
         raise InputError(f"{where}: motion", value, "is listed but absent")
+    check_home(root, root / relative, f"{where}: motion")
     return relative
 
 
@@ -183,8 +194,8 @@ def rate(values: dict[str, Any], relative: PurePosixPath, where: str) -> float |
         if relative.suffix.lower() in BARE_ARRAYS:
             raise InputError(f"{where}: fps", "missing", "is needed for arrays")
         return None
-    if not _number(value) or not 0 < value <= 1000:
-        raise InputError(f"{where}: fps", value, "must be a number above 0 and at most 1000")
+    if not _number(value) or not SLOWEST_RATE <= value <= 1000:
+        raise InputError(f"{where}: fps", value, f"must be above 0: a rate from {SLOWEST_RATE:g} to 1000")
     return float(value)
 
 
@@ -202,6 +213,7 @@ def check_text(text: Any, where: str) -> str:
     """A caption's text, stripped; InputError where it is empty, huge or not English."""
     if not isinstance(text, str) or not text.strip():
         raise InputError(where, text, "caption must be a non-empty string")
+    check_unicode(text, where)
     text = " ".join(text.split())
     if len(text) > LONGEST_CAPTION:
         shown = f"{text[:40]}... ({len(text)} characters)"
@@ -230,4 +242,7 @@ def _usable(listed: list, where: str, problems: list[InputError], seen: set[str]
 
 
 def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # a whole number beyond all floats
+        return False

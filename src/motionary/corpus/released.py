@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from motionary.corpus.checks import unforeseen
 from motionary.corpus.clips import Caption, Clip, check_text
 from motionary.corpus.splits import SPLITS
 from motionary.errors import InputError
 from motionary.features import HumanML3D
 from motionary.formats import read_motion
+from motionary.formats.read.numpy_files import npy_shape, read_npy
 from motionary.motion import Motion, Skeleton, repeat_last_step
 
 # Joints -> what the two releases are: HumanML3D (SMPL joints, 20 fps) and KIT-ML (12.5 fps).
@@ -31,10 +33,10 @@ class ReleasedMotion:
     features: bool = False  # the file holds HumanML3D's features, whatever codec the corpus has
 
     def __call__(self, clip: Clip) -> tuple[Motion, Clip]:
-        name, fps = self._release(_shape(Path(self.path)))
+        name, fps = self._release(npy_shape(Path(self.path)))
         skeleton = Skeleton.named(name)
         if self.features:
-            features = np.load(self.path, allow_pickle=False).astype(np.float32)
+            features = read_npy(Path(self.path)).astype(np.float32)
             motion = HumanML3D(skeleton).decode(features, fps=fps)
         else:
             # The release is metres and y up by definition (KIT-ML's original is in millimetres, see below).
@@ -86,6 +88,8 @@ class HumanML3DSource:
                 )
             except InputError as problem:
                 problems.append(problem)
+            except Exception as error:  # one bad name never ends a run
+                problems.append(unforeseen(self.root / "texts" / f"{name}.txt", error))
         return found, problems
 
     def _splits(self) -> tuple[dict[str, str], list[InputError]]:
@@ -113,10 +117,9 @@ class HumanML3DSource:
     def _motion(self, name: str) -> ReleasedMotion:
         joints = self.root / "new_joints" / f"{name}.npy"
         features = self.root / "new_joint_vecs" / f"{name}.npy"
-        if joints.is_file():
-            return ReleasedMotion(str(joints))
-        if features.is_file():
-            return ReleasedMotion(str(features), features=True)
+        for path in (joints, features):
+            if path.is_file():
+                return ReleasedMotion(str(path), features=path == features)
         raise InputError(joints, name, "is listed but absent, as are its features in new_joint_vecs")
 
     def _captions(self, name: str, problems: list[InputError]):
@@ -147,10 +150,3 @@ def _caption(line: str, where: str) -> Caption:
     if math.isnan(start) or math.isnan(end) or start == end == 0:
         return Caption(text, source="humanml3d", tokens=tokens)
     return Caption(text, start, end, "humanml3d", tokens)
-
-
-def _shape(path: Path) -> tuple[int, ...]:
-    try:
-        return np.load(path, mmap_mode="r", allow_pickle=False).shape
-    except (OSError, ValueError) as error:
-        raise InputError(path, error, "must be a readable .npy array") from None

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
 
-import numpy as np
 from tqdm import tqdm
 
+from motionary.corpus.checks import check_home, check_unicode
 from motionary.corpus.clips import (
     BARE_ARRAYS,
     CLIP_KEYS,
@@ -30,9 +28,9 @@ from motionary.corpus.clips import (
     unknown_keys,
 )
 from motionary.corpus.config import DataConfig
+from motionary.corpus.files_of_root import belongs, describe
 from motionary.corpus.released import HumanML3DSource
 from motionary.errors import InputError
-from motionary.files import read_text
 from motionary.formats.read import ReadingOptions, read_motion_with
 from motionary.motion import Motion, Skeleton
 
@@ -112,8 +110,8 @@ class FolderSource:
         if listing.is_file():
             found, problems = read_listing(listing, self._listed)
         else:
-            found, problems = [self._found(path) for path in motion_files(self.root)], []
-            if not found:
+            found, problems = self._bare()
+            if not found and not problems:
                 raise InputError(self.root, "no motion", f"must hold clips.jsonl or {', '.join(MOTION_FILES)} files")
         unique: dict[str, Clip] = {}
         for clip in found:
@@ -140,6 +138,18 @@ class FolderSource:
             action=label(values, "action", where),
             captions=captions(values, where, problems, self._unknown[1]),
         )
+
+    def _bare(self) -> tuple[list[Clip], list[InputError]]:
+        """A clip for each motion file; a name or a link that cannot be used becomes a problem."""
+        found, problems = [], []
+        for path in motion_files(self.root):
+            try:
+                check_unicode(str(path), path)
+                check_home(self.root, path, path)
+                found.append(self._found(path))
+            except InputError as problem:
+                problems.append(problem)
+        return found, problems
 
     def _found(self, path: Path) -> Clip:
         fps = self.fps if path.suffix.lower() in BARE_ARRAYS else None
@@ -197,7 +207,7 @@ def checked_root(path: Path) -> Path:
 def root_names(paths: Sequence[Path]) -> list[str]:
     """A short distinct name per root: the folder's name, with its parent's in front where two are called alike."""
     paths = [path.resolve() for path in paths]
-    names = [path.name for path in paths]
+    names = [check_unicode(path.name, "data.roots") for path in paths]
     return [
         name if names.count(name) == 1 else f"{path.parent.name}-{name}" if path.parent.name else f"{name}-{i}"
         for i, (path, name) in enumerate(zip(paths, names, strict=True))
@@ -216,9 +226,10 @@ def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
     source = HumanML3DSource(root, name) if released and not listed else FolderSource(root, name)
     clips, problems = source.clips()
     rates = {getattr(clip.load, "path", ""): clip.fps for clip in clips}
-    paths = sorted(path for path in root.rglob("*") if path.is_file())
+    strictly = isinstance(source, FolderSource)
+    paths = sorted(path for path in root.rglob("*") if path.is_file() and belongs(root, path, strictly))
     with ThreadPoolExecutor(4) as pool:
-        work = pool.map(lambda path: _describe(path, root, rates.get(str(path))), paths)
+        work = pool.map(lambda path: describe(path, root, rates.get(str(path))), paths)
         files = list(tqdm(work, total=len(paths), desc=f"inventory {name}", unit="file", disable=not progress))
     known = [file["seconds"] for file in files if file["seconds"] is not None]
     return {
@@ -230,28 +241,3 @@ def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
         "problems": problem_rows(problems, f"{root}/"),
         "files": files,
     }
-
-
-def _describe(path: Path, root: Path, fps: float | None) -> dict[str, Any]:
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return {
-        "path": path.relative_to(root).as_posix(),
-        "sha256": digest,
-        "bytes": path.stat().st_size,
-        "seconds": _seconds(path, fps),
-    }
-
-
-def _seconds(path: Path, fps: float | None) -> float | None:
-    """Duration from the header of a .npy or .bvh file."""
-    try:
-        if path.suffix.lower() == ".npy" and fps:
-            return round(len(np.load(path, mmap_mode="r", allow_pickle=False)) / fps, 4)
-        if path.suffix.lower() == ".bvh":
-            text = read_text(path)
-            frames = re.search(r"Frames:\s*(\d+)\s+Frame Time:\s*([\d.eE+-]+)", text)
-            return round(int(frames[1]) * float(frames[2]), 4) if frames else None
-    except (OSError, ValueError, TypeError):
-        return None  # preprocess names what is wrong with it
-    return None

@@ -14,6 +14,7 @@ from itertools import islice
 
 import numpy as np
 
+from motionary.corpus.checks import unforeseen
 from motionary.corpus.clips import Clip, checked_captions
 from motionary.corpus.config import RELEASED
 from motionary.corpus.windows import Rule, Window, windows
@@ -80,7 +81,7 @@ def encode_clip(clip: Clip, split: str, recipe: Recipe) -> Encoded:
         _fail(result, problem)
     # A reader or a generator that fails in a way nobody foresaw must not end a run of hours.
     except Exception as error:
-        _fail(result, InputError(clip.where, f"{type(error).__name__}: {error}", "clip cannot be used"))
+        _fail(result, unforeseen(clip.where, error))
     return result
 
 
@@ -88,7 +89,7 @@ def clip_labels(clip: Clip, *_) -> Clip:
     """The clip with the labels that only its loader knows (the demo's); unchanged where it cannot be read."""
     try:
         return clip.load(clip)[1]
-    except InputError:
+    except Exception:  # the same comes back, and is reported, when the clip is encoded
         return clip
 
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.formats.read.extent import FARTHEST, check_extent
+from motionary.motion.skeleton import MOST_JOINTS
 
 CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
-_MOST_JOINTS = 500
+_COUNTS = tuple("0123456")
 _ENDS = " \t\r\n\x00\x1a"  # what may stand after the last number: DOS marks the end of a text with 0x1A
 
 
@@ -52,6 +54,7 @@ def parse(text: str, name: object) -> RawBVH:
     if width == 0:
         raise InputError(name, "no CHANNELS", "at least one joint must move")
     values = _numbers(lines, at, frames, width, name)
+    check_extent(name, f"{len(values):,} frames of {len(nodes):,} joints", len(values) * len(nodes), len(text))
     notes = ()
     if len(values) > frames:
         notes = (f"Frames: says {frames}, the file holds {len(values)}; all of them were read",)
@@ -80,42 +83,43 @@ def _hierarchy(lines: list[str], name: object) -> tuple[list[Node], int]:
     started = False
     for i, line in enumerate(lines):
         words = line.replace("{", " { ").replace("}", " } ").split()
-        while words:
-            head = words[0].upper()
+        at = 0  # the word that is looked at: a line may hold a whole file
+        while at < len(words):
+            head = words[at].upper()
             if head == "MOTION":
                 if stack or pending or not nodes:
                     raise _fail(name, i, "MOTION", "comes before the hierarchy is closed" if nodes else "no joints")
                 return nodes, i + 1
             if not started:
                 if head != "HIERARCHY":
-                    raise _fail(name, i, words[0], "a BVH file starts with HIERARCHY")
-                started, words = True, words[1:]
+                    raise _fail(name, i, words[at], "a BVH file starts with HIERARCHY")
+                started, at = True, at + 1
             elif head in ("ROOT", "JOINT", "END"):
-                stop = words.index("{") if "{" in words else len(words)
-                pending = _node(head, " ".join(words[1:stop]), nodes, stack, name, i)
-                words = words[stop:]
+                stop = next((k for k in range(at, len(words)) if words[k] == "{"), len(words))
+                pending = _node(head, " ".join(words[at + 1 : stop]), nodes, stack, name, i)
+                at = stop
             elif head == "{":
                 if pending is None:
                     raise _fail(name, i, "{", "a joint's name must stand before its brace")
                 nodes.append(pending)
                 stack.append(len(nodes) - 1)
-                pending, words = None, words[1:]
+                pending, at = None, at + 1
             elif head == "}":
                 if not stack:
                     raise _fail(name, i, "}", "closes a brace that was never opened")
                 stack.pop()
-                words = words[1:]
+                at += 1
             elif head in ("OFFSET", "CHANNELS") and stack:
-                words = _property(head, words, nodes[stack[-1]], name, i)
+                at = _property(words, at, nodes[stack[-1]], name, i)
             else:
-                raise _fail(name, i, words[0], "expected ROOT, JOINT, End Site, OFFSET, CHANNELS or MOTION")
+                raise _fail(name, i, words[at], "expected ROOT, JOINT, End Site, OFFSET, CHANNELS or MOTION")
     rule = "the file ends before its MOTION section" if started else "a BVH file starts with HIERARCHY"
     raise _fail(name, max(len(lines) - 1, 0), "end of file", rule)
 
 
 def _node(head: str, label: str, nodes: list[Node], stack: list[int], name: object, line: int) -> Node:
-    if len(nodes) >= _MOST_JOINTS:
-        raise _fail(name, line, len(nodes), f"at most {_MOST_JOINTS} joints")
+    if len(nodes) >= MOST_JOINTS:
+        raise _fail(name, line, len(nodes), f"at most {MOST_JOINTS} joints")
     if head == "ROOT" and nodes:
         raise _fail(name, line, label, "only one ROOT is supported")
     if head != "ROOT" and not stack:
@@ -130,20 +134,21 @@ def _node(head: str, label: str, nodes: list[Node], stack: list[int], name: obje
     return Node(label, parent)
 
 
-def _property(head: str, words: list[str], node: Node, name: object, line: int) -> list[str]:
-    """Read OFFSET or CHANNELS into the node; the words that are left."""
-    if head == "OFFSET":
-        node.offset = _floats(words[1:4], 3, name, line, "OFFSET")
-        return words[4:]
-    if len(words) < 2 or not words[1].isdigit():
-        raise _fail(name, line, " ".join(words[:2]), "CHANNELS must be followed by their number")
-    count = int(words[1])
-    found = words[2 : 2 + count]
+def _property(words: list[str], at: int, node: Node, name: object, line: int) -> int:
+    """Read OFFSET or CHANNELS, the word `at`, into the node; the index of the word after it."""
+    if words[at].upper() == "OFFSET":
+        node.offset = _floats(words[at + 1 : at + 4], 3, name, line, "OFFSET")
+        return at + 4
+    count = words[at + 1] if at + 1 < len(words) else ""
+    if count not in _COUNTS:
+        raise _fail(name, line, " ".join(words[at : at + 2]), "CHANNELS must be followed by their number, 0 to 6")
+    found = words[at + 2 : at + 2 + int(count)]
     channels = [CHANNELS[word.lower()] for word in found if word.lower() in CHANNELS]
-    if len(found) != count or len(set(channels)) != count:
-        raise _fail(name, line, " ".join(words), "CHANNELS must name that many different X/Y/Zposition, X/Y/Zrotation")
+    if len(found) != int(count) or len(set(channels)) != int(count):
+        rule = "CHANNELS must name that many different X/Y/Zposition, X/Y/Zrotation"
+        raise _fail(name, line, " ".join(words[at : at + 8]), rule)
     node.channels = channels
-    return words[2 + count :]
+    return at + 2 + int(count)
 
 
 def _header(lines: list[str], at: int, name: object) -> tuple[int, float, int]:
@@ -158,8 +163,9 @@ def _header(lines: list[str], at: int, name: object) -> tuple[int, float, int]:
         if key not in ("frames", "frame time"):
             raise _fail(name, i, line, "expected 'Frames: <count>' and 'Frame Time: <seconds>' after MOTION")
         (found[key],) = _floats(value.split(), 1, name, i, key)
-        if found[key] <= 0 or (key == "frames" and found[key] != int(found[key])):
-            raise _fail(name, i, value.strip(), f"{key} must be {'a whole number ' * (key == 'frames')}above 0")
+        if not 0 < found[key] < FARTHEST or (key == "frames" and found[key] != int(found[key])):
+            kind = "a whole number " * (key == "frames")
+            raise _fail(name, i, value.strip(), f"{key} must be {kind}above 0 and below {FARTHEST:g}")
         if len(found) == 2:
             return int(found["frames"]), found["frame time"], i + 1
     raise _fail(name, len(lines) - 1, "end of file", "'Frames:' and 'Frame Time:' must follow MOTION")

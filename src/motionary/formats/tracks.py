@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.formats.read.extent import FARTHEST
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
 from motionary.motion import Motion, Skeleton, fit_rotations
@@ -64,6 +65,8 @@ def to_motion(track: Track, fps: float, file: object, options: ReadingOptions) -
     Raises:
         InputError: a mapping does not fit, or the result is not a valid motion.
     """
+    if (far := float(max(track.translations.max(), -track.translations.min()))) > FARTHEST:
+        raise InputError(file, f"{far:.3g}", f"offsets and positions must lie within {FARTHEST:g} units")
     track = _without_placement_nodes(track)
     positions, _ = track.place()
     rest = track.offsets

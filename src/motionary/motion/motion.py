@@ -12,6 +12,9 @@ from motionary.errors import InputError
 from motionary.lazy import save, to
 from motionary.motion.skeleton import Skeleton
 
+SLOWEST_RATE, FASTEST_RATE = 0.5, 10_000.0  # frames per second of any recording of motion
+FARTHEST = 1e7  # m from the origin: float32 steps are a metre there
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -25,7 +28,7 @@ class Motion:
             or None where they are unknown. They are the true ones, never the HumanML3D codec's.
 
     Raises:
-        InputError: wrong shape, values that are not finite, or fps not positive.
+        InputError: wrong shape, values that are not finite or farther than 10,000 km, or a rate that no motion has.
     """
 
     positions: np.ndarray
@@ -37,9 +40,12 @@ class Motion:
         joints = len(self.skeleton.joints)
         object.__setattr__(self, "positions", _array("positions", self.positions, (joints, 3)))
         fps = _number(self.fps)
-        if not (np.isfinite(fps) and fps > 0):
-            raise InputError("fps", self.fps, "a positive number of frames per second")
+        if not SLOWEST_RATE <= fps <= FASTEST_RATE:
+            rule = f"must be frames per second, {SLOWEST_RATE:g} to {FASTEST_RATE:g}"
+            raise InputError("fps", self.fps, rule)
         object.__setattr__(self, "fps", fps)
+        if (far := float(max(self.positions.max(), -self.positions.min()))) > FARTHEST:
+            raise InputError("positions", f"{far:.3g} m", f"must lie within {FARTHEST:g} m of the origin")
         if self.rotations is None:
             return
         rotations = _array("rotations", self.rotations, (joints, 4))
@@ -97,14 +103,18 @@ class Motion:
 def _number(value: Any) -> float:
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return float("nan")
 
 
 def _array(name: str, values: Any, tail: tuple[int, int]) -> np.ndarray:
     """float32 values of shape (T, *tail), finite, T >= 1."""
     try:
-        array = np.ascontiguousarray(values, dtype=np.float32)
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiu":
+            raise TypeError(array.dtype)
+        with np.errstate(over="ignore"):  # what float32 cannot hold is said below, as infinity
+            array = np.ascontiguousarray(array, dtype=np.float32)
     except (TypeError, ValueError):
         raise InputError(name, type(values).__name__, f"numbers of shape (T, {tail[0]}, {tail[1]})") from None
     if array.ndim != 3 or array.shape[1:] != tail or len(array) < 1:

@@ -16,6 +16,8 @@ from motionary.errors import InputError
 from motionary.motion.roles import chains_of, pairs_of, roles_of
 
 NAMED = ("smpl22", "kit21")
+MOST_JOINTS = 500
+_LONGEST_NAME = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +209,19 @@ def _indices(skeleton: str, name: str, values: Any) -> tuple[int, ...]:
         raise InputError(f"skeleton {skeleton}.{name}", values, "a list of joint indices") from None
 
 
+def _writable(name: str) -> bool:
+    """Whether a file can hold the name: half of a surrogate pair is no text."""
+    return not any("\ud800" <= character <= "\udfff" for character in name)
+
+
 def _check(skeleton: Skeleton) -> None:
+    for name in (skeleton.name, *skeleton.joints):
+        if not isinstance(name, str) or len(name) > _LONGEST_NAME or not _writable(name):
+            rule = f"names must be Unicode text of at most {_LONGEST_NAME} characters"
+            raise InputError("skeleton", repr(name), rule)
     what, count = f"skeleton {skeleton.name}", len(skeleton.joints)
+    if count > MOST_JOINTS:
+        raise InputError(what, f"{count} joints", f"must have at most {MOST_JOINTS}")
     if count < 1 or len(set(skeleton.joints)) != count:
         raise InputError(what, skeleton.joints, "joint names must be unique, at least one")
     ordered = len(skeleton.parents) == count and skeleton.parents[0] == -1

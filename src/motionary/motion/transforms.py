@@ -7,10 +7,11 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.motion.facing import heading, rotate_y
 from motionary.motion.kinematics import agrees, forward_kinematics
-from motionary.motion.motion import Motion
+from motionary.motion.motion import FASTEST_RATE, SLOWEST_RATE, Motion
 from motionary.motion.rotations import quat_product, unitquat_slerp
 from motionary.motion.skeleton import Skeleton
 
+_MOST = 4_000_000  # joints x frames; two and a half hours of 22 joints at 20 fps
 _MIRROR = np.array([-1, 1, 1], np.float32)
 # A mirrored rotation turns the other way about the mirrored axis: M R M has the axis (x, -y, -z).
 _MIRROR_TURN = np.array([1, -1, -1, 1], np.float32)
@@ -36,14 +37,17 @@ def resample(motion: Motion, fps: float) -> Motion:
     the motion, they place those of the result too, so that bones stay constant between frames.
 
     Raises:
-        InputError: fps is not a positive number.
+        InputError: fps is no rate of a motion, or there would be too many frames.
     """
-    if not (np.isfinite(fps) and fps > 0):
-        raise InputError("fps", fps, "a positive number of frames per second")
+    if not SLOWEST_RATE <= fps <= FASTEST_RATE:
+        raise InputError("fps", fps, f"must be frames per second, {SLOWEST_RATE:g} to {FASTEST_RATE:g}")
     if fps == motion.fps:
         return motion
     # The tolerance keeps the last frame where 1 / fps was rounded, as in BVH files.
     frames = int(np.floor((motion.frames - 1) * fps / motion.fps + 1e-3)) + 1
+    if frames > motion.frames and frames * len(motion.skeleton) > _MOST:
+        rule = f"{motion.duration:,.0f} s would be {frames:,} frames; at most {_MOST:,} joints x frames can be made"
+        raise InputError("fps", f"{fps:g}", rule)
     time = np.minimum(np.arange(frames) * (motion.fps / fps), motion.frames - 1)
     before = np.minimum(time.astype(np.int64), max(motion.frames - 2, 0))
     share = time - before

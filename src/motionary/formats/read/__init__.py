@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import InputWarning
+import numpy as np
+
+from motionary.errors import InputError, InputWarning
 from motionary.formats.dispatch import function_of, given
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.motion import Motion
@@ -75,6 +77,26 @@ def read_motion_with(
     if mapping is not None:
         how = how.over(mapping if isinstance(mapping, ReadingOptions) else ReadingOptions.from_mapping(mapping))
     extra = given(reader, path, {key: value for key, value in options.items() if key in _FORMAT_OPTIONS})
-    motion, reading = reader(path, options=how, **extra)
+    motion, reading = _read(reader, Path(path), how, extra)
     told = tuple(dict.fromkeys((*reading.told, *(["mapping"] if how.mapping else []))))
     return motion, replace(reading, told=told)
+
+
+def _read(
+    reader: Callable[..., tuple[Motion, Reading]], path: Path, how: ReadingOptions, extra: dict[str, Any]
+) -> tuple[Motion, Reading]:
+    """What the reader gives; whatever a file makes it fail with becomes one line that names the file and the kind."""
+    try:
+        # Infinities and NaN are refused where a motion is made; the ways to them need no lines of their own.
+        with np.errstate(all="ignore"):
+            return reader(path, options=how, **extra)
+    except InputError as error:
+        if str(path) in error.what or getattr(how.mapping, "where", "mapping") in error.what:
+            raise
+        raise InputError(f"{path}: {error.what}", error.value, error.rule) from None
+    except OSError:
+        raise
+    except MemoryError:
+        raise InputError(path, "too large", "must fit into this machine's memory") from None
+    except Exception as error:
+        raise InputError(path, f"{type(error).__name__}: {error}", "cannot be read as a motion (damaged?)") from error

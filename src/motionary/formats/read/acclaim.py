@@ -16,10 +16,12 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import read_text
+from motionary.formats.read.extent import check_extent
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.tracks import Track, to_motion
 from motionary.motion import Motion
 from motionary.motion.rotations import euler_to_unitquat, quat_conjugation, quat_product
+from motionary.motion.skeleton import MOST_JOINTS
 
 _CMU_FPS = 120.0  # AMC files state no rate
 _TURNS, _MOVES = {"rx": 0, "ry": 1, "rz": 2}, {"tx": 0, "ty": 1, "tz": 2}
@@ -83,7 +85,11 @@ def amc_with(
     text = read_text(path)
     rig_path = _find_asf(path) if asf is None else Path(asf)
     rig = parse_asf(read_text(rig_path), rig_path)
-    track = _track(rig, *_parse_amc(text, rig, path))
+    values, degrees = _parse_amc(text, rig, path)
+    frames = max(map(len, values.values()), default=1)
+    joints = 2 * len(rig.bones)  # with the ends of chains
+    check_extent(path, f"{frames:,} frames of {len(rig.bones)} bones", frames * joints, len(text))
+    track = _track(rig, values, degrees)
     if abs(rig.length - 0.45) < 1e-6:
         options = options.over(ReadingOptions(unit="cmu"))
     return to_motion(track, fps, path, options)
@@ -148,6 +154,7 @@ def _root(rig: AcclaimRig, words: list[str]) -> None:
         root.dof = [word.lower() for word in words[1:]]
         if unknown := [word for word in root.dof if word not in _TURNS | _MOVES]:
             raise InputError("order", " ".join(unknown), "the root's order must name TX TY TZ RX RY RZ")
+        _once("order", root.dof)
     elif words[0] == "position":
         rig.position = _numbers(words[1:4], 3)
     elif words[0] == "orientation":
@@ -169,6 +176,8 @@ def _bone_line(rig: AcclaimRig, bone: Bone | None, words: list[str]) -> Bone | N
         bone.name = rest[0]
         if bone.name in rig.bones:
             raise InputError("bone", bone.name, "bone names must be unique")
+        if len(rig.bones) >= MOST_JOINTS:
+            raise InputError("bone", bone.name, f"at most {MOST_JOINTS} bones")
     elif key == "direction":
         bone.direction = _numbers(rest, 3)
     elif key == "length":
@@ -179,7 +188,13 @@ def _bone_line(rig: AcclaimRig, bone: Bone | None, words: list[str]) -> Bone | N
         bone.dof = [word.lower() for word in rest]
         if unknown := [word for word in bone.dof if word not in _TURNS]:
             raise InputError("dof", " ".join(unknown), "only rx, ry and rz are supported on bones")
+        _once("dof", bone.dof)
     return bone
+
+
+def _once(what: str, names: list[str]) -> None:
+    if len(set(names)) < len(names):
+        raise InputError(what, " ".join(names), "must name each channel once")
 
 
 def _family(rig: AcclaimRig, words: list[str]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import readable
+from motionary.formats.read.numpy_files import NUMBERS, TEXT, ArrayArchive, read_npy
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
 from motionary.formats.read.smpl import SMPL_KEYS, smpl_motion
@@ -29,7 +29,6 @@ _USUAL = {
     "up": {"y": 1.5, "z": 0.5},
     "unit": {"m": 1.0, "mm": 0.0, "cm": 0.0, "dm": -2.0, "in": -1.5, "ft": -3.0, "cmu": -4.0},
 }
-_MOST_BYTES = 2**31
 
 
 def npy_with(
@@ -53,13 +52,8 @@ def npy_with(
         InputError: not such an array.
     """
     path = readable(path)
-    try:
-        with open(path, "rb") as file:
-            array = np.lib.format.read_array(file, allow_pickle=False)
-    except (ValueError, OSError, EOFError, MemoryError) as error:
-        raise _unreadable(path, error) from None
     options = options or ReadingOptions()
-    array = _unpacked(path, array, skeleton)
+    array = _unpacked(path, read_npy(path), skeleton)
     if array.ndim == 2:
         return _decoded(path, array, fps, options)
     return _on_its_body(_motion(path, array, fps, skeleton, options))
@@ -82,7 +76,7 @@ def npz_with(
         skeleton: overrides the file's own skeleton.
 
     Raises:
-        InputError: no positions nor poses in it, damaged, pickled objects, or more than 2 GB when unpacked.
+        InputError: no positions nor poses in it, damaged, pickled objects, or more than a file of its size can hold.
     """
     path, options = readable(path), options or ReadingOptions()
     arrays = _arrays(path)
@@ -102,21 +96,13 @@ def npz_with(
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
     """The arrays that are looked at; either positions or poses are among them."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > _MOST_BYTES:
-                raise InputError(path, "over 2 GB unpacked", "too large for one motion")
-        with np.load(path, allow_pickle=False) as data:
-            names = data.files
-            if "positions" not in names and not {"poses", "trans"} <= set(names):
-                rule = "must hold 'positions' (T, J, 3), or SMPL's 'poses' and 'trans' as AMASS does"
-                raise InputError(path, f"holds {', '.join(names) or 'nothing'}", rule)
-            wanted = ("positions", "rotations", "fps", "skeleton") if "positions" in names else SMPL_KEYS
-            return {key: data[key] for key in wanted if key in names}
-    except (ValueError, OSError, EOFError, MemoryError, KeyError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
-        if isinstance(error, InputError):
-            raise
-        raise _unreadable(path, error) from None
+    with ArrayArchive(path) as archive:
+        names = archive.names
+        if "positions" not in names and not {"poses", "trans"} <= set(names):
+            rule = "must hold 'positions' (T, J, 3), or SMPL's 'poses' and 'trans' as AMASS does"
+            raise InputError(path, f"holds {', '.join(names) or 'nothing'}", rule)
+        wanted = ("positions", "rotations", "fps", "skeleton") if "positions" in names else SMPL_KEYS
+        return {key: archive.read(key, TEXT if key == "skeleton" else NUMBERS) for key in wanted if key in names}
 
 
 def _unpacked(path: Path, array: np.ndarray, skeleton: Skeleton | None) -> np.ndarray:
@@ -220,12 +206,6 @@ def settled_motion(
     return Motion(positions, motion.fps, motion.skeleton, rotations), reading
 
 
-def _unreadable(path: Path, error: Exception) -> InputError:
-    if "allow_pickle" in str(error):
-        return InputError(path, "pickled objects", "never loaded: save plain arrays")
-    return InputError(path, error or type(error).__name__, "not a readable numpy file (damaged or truncated?)")
-
-
 def _number(path: Path, array: np.ndarray) -> float:
     if array.size != 1 or array.dtype.kind not in "fiu":
         raise InputError(f"{path}, fps", f"{array.dtype} {array.shape}", "must be one number")
@@ -237,5 +217,5 @@ def _skeleton(path: Path, array: np.ndarray) -> Skeleton:
         return Skeleton.from_json(json.loads(str(array.reshape(()))))
     except InputError as error:
         raise InputError(f"{path}, {error.what}", error.value, error.rule) from None
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{path}, skeleton", error, "must be a skeleton as JSON text") from None

@@ -14,9 +14,10 @@ from motionary.formats.bvh_text import RawBVH, parse
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.tracks import Track, to_motion
 from motionary.motion import Motion
+from motionary.motion.motion import FASTEST_RATE, SLOWEST_RATE
 from motionary.motion.rotations import euler_to_unitquat
 
-_LONGEST_FRAME = 2.0  # s; slower than that is no recording of motion, but a rate in another unit
+_LONGEST_FRAME = 1 / SLOWEST_RATE  # s; slower than that is no recording of motion, but a rate in another unit
 
 
 def read_bvh(path: str | os.PathLike, fps: float | None = None, **options: Any) -> Motion:
@@ -53,6 +54,9 @@ def _rate(frame_time: float, file: object) -> float:
         rule = f"must be seconds per frame, at most {_LONGEST_FRAME:g}"
         if frame_time < 1100:
             rule += f" (milliseconds? then say fps={1000 / frame_time:.4g}, --fps)"
+        raise InputError(f"{file}, Frame Time", f"{frame_time:g}", rule)
+    if frame_time < 1 / FASTEST_RATE:
+        rule = f"must be seconds per frame, at least {1 / FASTEST_RATE:g}"
         raise InputError(f"{file}, Frame Time", f"{frame_time:g}", rule)
     fps = 1 / frame_time
     return float(round(fps)) if round(fps) and abs(fps / round(fps) - 1) < 5e-4 else fps

@@ -14,6 +14,7 @@ from motionary.errors import InputError
 from motionary.formats.measure import AXES, UNITS
 from motionary.motion.roles import READING_KEYS, FileMapping, checked_mapping, load_mapping
 
+_SMALLEST, _LARGEST = 1e-6, 1e6  # metres per unit: a micrometre, a thousand kilometres
 _SWITCHES = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
 
@@ -44,8 +45,9 @@ class ReadingOptions:
             if up not in AXES:
                 raise InputError("up", self.up, f"must be one of {', '.join(AXES)} (None: measured)")
             object.__setattr__(self, "up", up)
-        if self.unit is not None and not self.scale > 0:
-            raise InputError("unit", self.unit, f"must be metres per unit, above 0, or one of {', '.join(UNITS)}")
+        if self.unit is not None and not _SMALLEST <= self.scale <= _LARGEST:
+            rule = f"must be metres per unit, {_SMALLEST:g} to {_LARGEST:g}, or one of {', '.join(UNITS)}"
+            raise InputError("unit", self.unit, rule)
         for name in ("mirror", "skip_first"):
             value = getattr(self, name)
             value = _SWITCHES.get(value.lower(), value) if isinstance(value, str) else value
@@ -60,7 +62,7 @@ class ReadingOptions:
             return UNITS[self.unit.lower()]
         try:
             scale = float(self.unit)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return 0.0
         return scale if np.isfinite(scale) else 0.0
 

@@ -73,8 +73,9 @@ def limbs(skeleton: Skeleton) -> tuple[Limb, ...]:
 def _size(skeleton: Skeleton) -> float:
     """Thickness relative to a body with legs of 0.8 m."""
     roles = skeleton.roles
-    legs = [roles[f"{side}_{part}"] for side in ("left", "right") for part in ("knee", "ankle")]
-    return float(np.clip(skeleton.bone_lengths[legs].sum() / 1.6, 0.2, 5.0))
+    legs = [f"{side}_{part}" for side in ("left", "right") for part in ("knee", "ankle")]
+    known = [roles[role] for role in legs if role in roles] or [j for j in roles.values() if j]
+    return float(np.clip(skeleton.bone_lengths[known].mean() / 0.4, 0.2, 5.0))
 
 
 def _plain(skeleton: Skeleton) -> tuple[Limb, ...]:

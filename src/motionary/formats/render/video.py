@@ -55,7 +55,7 @@ def write_video(
     gif = path.suffix.lower() == ".gif"
     motions, captions = _lists(motions, captions)
     if fps is None:
-        fps = min(max(motion.fps for motion in motions), 20.0 if gif else 30.0)
+        fps = min(max(1.0, *(motion.fps for motion in motions)), 20.0 if gif else 30.0)
     if not 1 <= fps <= 120:
         raise InputError("fps", fps, "must be 1 to 120 frames per second")
     board = Board(motions, captions, width, height)

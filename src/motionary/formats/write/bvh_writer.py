@@ -45,7 +45,7 @@ def write_bvh(motion: Motion, path: str | os.PathLike, unit: float = 0.01, force
         # What was read from an End Site becomes one again; a joint of such a name that turns stays a joint.
         end = parent >= 0 and name == f"{skeleton.joints[parent]}_end" and j not in inner and not local.moving[j]
         end = end and bool(np.any(skeleton.offsets[j])) and np.abs(local.rotations[:, j, :3]).max() < 1e-6
-        node = Node(name, parent, end, tuple(float(x) for x in skeleton.offsets[j] / unit))
+        node = Node(_one_word(name), parent, end, tuple(float(x) for x in skeleton.offsets[j] / unit))
         columns.append([])
         if local.moving[j]:
             node.channels += _POSITIONS
@@ -57,6 +57,11 @@ def write_bvh(motion: Motion, path: str | os.PathLike, unit: float = 0.01, force
     values = [part for j in _depth_first(skeleton.parents) for part in columns[j]]
     text = render(nodes, 1 / motion.fps, np.concatenate(values, axis=1))
     return write_bytes(path, text, force)
+
+
+def _one_word(name: str) -> str:
+    """A joint's name as a BVH file can hold it: in one line, without braces."""
+    return " ".join(name.replace("{", "(").replace("}", ")").split()) or "joint"
 
 
 def _depth_first(parents: Sequence[int]) -> list[int]:
