@@ -11,10 +11,13 @@ _CACHED = re.compile(r"/files/md5/[0-9a-f]{2}/[0-9a-f]{30}(\.dir)?$")  # how DVC
 
 
 def check_home(root: Path, path: Path, where: object) -> None:
-    """InputError where a link leads out of the folder: who hands a folder over does not mean the rest of the disk.
-    DVC's own cache is no stranger."""
+    """InputError where a file is a link that leads out of the folder: a folder that came from elsewhere may not point at
+    the rest of the disk. A whole subfolder on another disk is its owner's choice, and DVC's cache is no stranger."""
+    if not path.is_symlink():
+        return
     home = path.resolve()
-    if not home.is_relative_to(root.resolve()) and not _CACHED.search(home.as_posix()):
+    known = any(home.is_relative_to(folder.resolve()) for folder in (root, path.parent))
+    if not known and not _CACHED.search(home.as_posix()):
         raise InputError(where, path.name, "is a link that leads out of the folder")
 
 
