@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
-.PHONY: help setup repro test measured check params sweep mlflow app bench study clean
+.PHONY: help setup repro test measured check params sweep mlflow app bench fuzz study clean
 
 help:  ## what each target does
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -54,6 +54,9 @@ app: setup  ## the dictionary in a browser
 bench: setup  ## one-thread times at the papers' shapes
 	@python -m motionary.bench
 	@python -m motionary.bench.threads
+
+fuzz: setup  ## damaged inputs of every format, N=3000 of them or as many as fit into SECONDS: none may do more than say one line
+	@PYTHONPATH=$(CURDIR)/tests:$(CURDIR)/src python -m fuzz -n $(or $(N),3000) --seconds $(or $(SECONDS),inf)
 
 study: setup  ## seeds, second split, controls, ablations and baselines on the real clips (hours; continues where it stopped)
 	@python -m motionary.study

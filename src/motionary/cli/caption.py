@@ -27,7 +27,9 @@ def _run(options: argparse.Namespace) -> None:
     """A line for each caption, after its file's name where there are several files."""
     motions = shared.read_files(options)
     names = ("n", "beams", "system", "seed", "temperature", "consensus")
-    found = shared.open_models(options).caption(motions, **{name: getattr(options, name) for name in names})
+    dictionary = shared.open_models(options)
+    with shared.naming(", ".join(options.files)):
+        found = dictionary.caption(motions, **{name: getattr(options, name) for name in names})
     several = len(found) > 1
     pairs = list(zip(options.files, found, strict=True))
     lines = [f"{file}\t{text}" if several else text for file, texts in pairs for text in texts]

@@ -11,8 +11,10 @@ _CACHED = re.compile(r"/files/md5/[0-9a-f]{2}/[0-9a-f]{30}(\.dir)?$")  # how DVC
 
 
 def check_home(root: Path, path: Path, where: object) -> None:
-    """InputError where a file is a link that leads out of the folder: a folder that came from elsewhere may not point at
-    the rest of the disk. A whole subfolder on another disk is its owner's choice, and DVC's cache is no stranger."""
+    """InputError where a file is a link that leads out of the folder, as one that came from elsewhere may hold.
+
+    A whole subfolder on another disk is its owner's choice, and DVC's cache is no stranger.
+    """
     if not path.is_symlink():
         return
     home = path.resolve()
