@@ -40,8 +40,7 @@ def make_batch(context: Context, frames: list[int], seed: int = 0) -> Batch:
     )
 
 
-@pytest.fixture(scope="session")
-def context() -> Context:
+def make_context() -> Context:
     """Statistics drawn at random over the 22 joints' features, and a vocabulary of ten words."""
     rng = np.random.default_rng(0)
     sentence = Sentence(" ".join(WORDS), tuple(WORDS), ("OTHER",) * len(WORDS))
@@ -55,6 +54,12 @@ def context() -> Context:
         vocabulary=Vocabulary.build([sentence]),
         max_frames=196,
     )
+
+
+@pytest.fixture(scope="session")
+def context() -> Context:
+    """The context of `make_context`."""
+    return make_context()
 
 
 @pytest.fixture

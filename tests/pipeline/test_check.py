@@ -28,7 +28,7 @@ def leaves(values, prefix=""):
 KEYS = tuple(key for key in leaves(PARAMS) if not key.startswith("opened."))
 # Settings of which there must be some; any other number may be 0.
 NEEDED = """
-fps min_seconds max_seconds min_count clips window steps batch_size learning_rate validate_every log_every width
+fps min_seconds max_seconds min_count clips window steps batch_size learning_rate log_every width
 code_dim dilation text_width motion_width dim word_dim margin radius pose_frames num_layers dim_feedforward num_heads
 offsets ensemble max_words max_tokens top_p gumbel_temperature sampled_share attention_width latent kernel
 curriculum_start curriculum_add curriculum_patience held_out scored_clips content_dim style_dim repetitions contents

@@ -2,6 +2,8 @@ import math
 import os
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,9 @@ from toy import Numbers, Regression, batches, settings
 from motionary.corpus.batches import Batches
 from motionary.systems.trainable import Trainable
 from motionary.training.devices import make_fabric
-from motionary.training.loop import fit, rate, validate
+from motionary.training.loading import ahead
+from motionary.training.loop import fit, validate
+from motionary.training.schedule import peak_factor, rate
 
 
 @pytest.fixture(scope="module")
@@ -129,18 +133,96 @@ def test_a_loss_is_enough_to_be_trained(fabric):
         Trainable().validate(next(validation().epoch(0)))
 
 
-def test_two_processes_train_as_one_with_twice_the_batch(fabric, tmp_path):
+@pytest.fixture(scope="module")
+def in_two(tmp_path_factory):
+    """What toy.py, run as two processes, leaves: the weights of both by name, and its folder."""
+    folder = tmp_path_factory.mktemp("two")
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     toy = Path(__file__).parent / "toy.py"
-    done = subprocess.run([*command, str(toy), str(tmp_path)], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*command, str(toy), str(folder)], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
-    first, second = (load_file(tmp_path / f"rank{rank}.safetensors") for rank in (0, 1))
+    return lambda name: [load_file(folder / f"{name}{rank}.safetensors") for rank in (0, 1)], folder
+
+
+def test_two_processes_train_as_one_with_twice_the_batch(fabric, in_two):
+    first, second = in_two[0]("plain")
     config = settings(batch_size=8)
     single = Regression(dropout=0.0, noise=0.0)
     fit(single, batches(config), None, config, fabric)
     for name, value in single.named_parameters():
         assert torch.equal(first[name], second[name])
         assert torch.allclose(first[name], value, atol=2e-5), name
+
+
+def test_a_second_process_resumes_where_the_first_does(in_two):
+    """It has a folder of its own, where no checkpoint lies, and dropout of its own."""
+    weights, folder = in_two
+    assert (folder / "cache0" / "toy.safetensors").exists()
+    assert not (folder / "cache1").exists()
+    unbroken, resumed = weights("unbroken"), weights("resumed")
+    for name, value in unbroken[0].items():
+        assert all(torch.equal(value, other[name]) for other in (unbroken[1], *resumed)), name
+
+
+def test_codes_restart_alike_in_both_processes(in_two):
+    """Dead codes, drawn from what the first process saw, lie where both can use them: the codebooks stay equal."""
+    first, second = in_two[0]("codes")
+    for name, value in first.items():
+        if name.startswith("quantizer."):
+            assert torch.equal(value, second[name]), name
+    assert first["restarted"] == second["restarted"] > 0
+    assert first["used"] > first["used_before"]
+
+
+@pytest.mark.parametrize(("scale", "factor"), [("none", 1), ("sqrt", 2), ("linear", 4)])
+def test_rate_of_four_processes(scale, factor):
+    assert peak_factor(settings(scale_rate=scale), 4) == factor
+    assert peak_factor(settings(scale_rate=scale), 1) == 1
+
+
+def test_epochs_are_counted_in_steps():
+    """11 batches of 8 make 1.1 epochs of 80 items; two processes need half as many."""
+    config = settings(epochs=1.1, validate_every=0)
+    assert (config.over(80).steps, config.over(80).validate_every) == (11, 10)
+    assert (config.over(80, world=2).steps, config.over(80, world=2).validate_every) == (6, 5)
+    assert settings().over(80) == settings()
+
+
+def test_batches_made_ahead_are_the_same_in_order():
+    made = []
+
+    def items():
+        for i in range(20):
+            made.append(i)
+            yield i
+
+    reader = ahead(items(), 3)
+    assert next(reader) == 0
+    waited = time.monotonic()
+    while len(made) < 4 and time.monotonic() - waited < 10:
+        time.sleep(0.01)
+    assert 4 <= len(made) <= 5  # three wait, and one may be in the thread's hands
+    assert list(reader) == list(range(1, 20))
+
+
+def test_a_batch_that_fails_is_an_error_where_it_would_have_come():
+    def items():
+        yield 1
+        raise OSError("gone")
+
+    reader = ahead(items())
+    assert next(reader) == 1
+    with pytest.raises(OSError, match="gone"):
+        next(reader)
+
+
+def test_no_thread_stays_behind_a_reader_that_stops():
+    before = threading.active_count()
+    reader = ahead(iter(range(10**9)))
+    assert next(reader) == 0
+    assert threading.active_count() == before + 1
+    reader.close()
+    assert threading.active_count() == before
 
 
 @pytest.mark.parametrize(("asked", "told", "used"), [(0, "1", 1), (2, "1", 2)])

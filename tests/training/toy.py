@@ -11,6 +11,7 @@ from safetensors.torch import save_file
 from torch import nn
 
 from motionary.corpus.batches import Batch, Batches
+from motionary.nn.quantizer import Quantizer
 from motionary.systems.trainable import Trainable
 from motionary.training.devices import make_fabric
 from motionary.training.loop import fit
@@ -75,10 +76,30 @@ def batches(config: TrainSettings, rank: int = 0, world: int = 1, seed: int = 0)
     return Batches(Numbers(), config.batch_size, seed, drop_last=True, rank=rank, world=world)
 
 
+def restarted_codes(rank: int) -> dict[str, torch.Tensor]:
+    """A codebook of which most codes are dead, a step and a restart later; each process sees latents of its own."""
+    quantizer = Quantizer(16, 3, dead=0.5, decay=0.5).train()
+    latents = torch.randn(1, 400, 3, generator=torch.Generator().manual_seed(rank))
+    quantizer.start(torch.zeros(20, 3), torch.Generator().manual_seed(rank))  # all codes in one place
+    mask = torch.ones(1, 400, dtype=torch.bool)
+    found = {"used_before": len(quantizer(latents, mask)[1].unique())}
+    found["restarted"] = quantizer.restart(torch.Generator().manual_seed(rank))
+    found["used"] = len(quantizer.nearest(latents).unique())
+    equal = {f"quantizer.{name}": value for name, value in quantizer.state_dict().items()}
+    return {**equal, **{name: torch.tensor(value) for name, value in found.items()}}
+
+
 if __name__ == "__main__":
     torch.set_num_threads(1)
-    fabric = make_fabric("cpu")
-    config = settings(batch_size=4)
-    model = Regression(dropout=0.0, noise=0.0)
-    fit(model, batches(config, fabric.global_rank, fabric.world_size), None, config, fabric)
-    save_file(model.state_dict(), Path(sys.argv[1]) / f"rank{fabric.global_rank}.safetensors")
+    folder, fabric, config = Path(sys.argv[1]), make_fabric("cpu"), settings(batch_size=4)
+    rank = fabric.global_rank
+    own = batches(config, rank, fabric.world_size)
+    # A folder for each process, as on machines that share none.
+    cache = folder / f"cache{rank}" / "toy.safetensors"
+    fit(plain := Regression(dropout=0.0, noise=0.0), own, None, config, fabric)
+    fit(unbroken := Regression(), own, own, config, fabric)
+    fit(Regression(), own, own, config, fabric, cache, stop_after=24)  # the last checkpoint is of step 21
+    fit(resumed := Regression(), own, own, config, fabric, cache)
+    for name, model in (("plain", plain), ("unbroken", unbroken), ("resumed", resumed)):
+        save_file(model.state_dict(), folder / f"{name}{rank}.safetensors")
+    save_file(restarted_codes(rank), folder / f"codes{rank}.safetensors")

@@ -119,6 +119,10 @@ class Batch:
     def __len__(self) -> int:
         return len(self.clip)
 
+    def pinned(self) -> Batch:
+        """The same batch in memory that a GPU copies from while it computes."""
+        return Batch(**{name: value.pin_memory() for name, value in vars(self).items()})
+
     def to(self, device) -> Batch:
         """The same batch on another device."""
         return Batch(**{name: value.to(device, non_blocking=True) for name, value in vars(self).items()})

@@ -29,6 +29,10 @@ class Windows:
         random: random starts; by default only in training.
         balance: how much more often clips of small roots are drawn (with replacement; epochs keep length): see
             :func:`balanced`.
+
+    Attributes:
+        starts_in_all: windows that the clips hold, one for each frame that one may start at: what the released code
+            calls an epoch.
     """
 
     def __init__(
@@ -54,6 +58,7 @@ class Windows:
         self.starts = spare * nth // np.maximum(np.repeat(copies, copies) - 1, 1)
         self.lengths = np.minimum(corpus.clips.length[self.rows], window)
         self.weights = balanced(corpus.clips.group[self.rows], balance)
+        self.starts_in_all = int((np.maximum(corpus.clips.length[rows] - window, 0) + 1).sum())
 
     def __len__(self) -> int:
         return len(self.rows)

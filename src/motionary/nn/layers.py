@@ -12,6 +12,7 @@ from torch import Tensor, nn
 
 from motionary.errors import InputError
 from motionary.language import TAGS
+from motionary.nn.precision import widened
 from motionary.nn.recurrent import BiGRU
 
 SPREAD = 0.4  # root mean square of a word vector's entries, about that of GloVe's 300-d vectors
@@ -47,6 +48,7 @@ def length_mask(lengths: Tensor, steps: int) -> Tensor:
 
 def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
     """Mean of values (B, T) or (B, T, D) over the steps that mask (B, T) keeps."""
+    values = widened(values)
     if values.dim() == 3:
         values = values.mean(-1)
     weight = mask.to(values.dtype)

@@ -12,6 +12,7 @@ from torch.nn import functional as F
 
 from motionary.errors import InputError
 from motionary.nn.layers import masked_mean
+from motionary.nn.precision import full_precision, widened
 
 KINDS = ("gradient", "ema")
 _SMOOTHING = 1e-5
@@ -46,9 +47,11 @@ class Quantizer(nn.Module):
         return self.codebook.shape[0]
 
     def nearest(self, latents: Tensor) -> Tensor:
-        """(..., d) -> (...) index of the nearest code (Eq. 1)."""
-        flat = latents.reshape(-1, latents.shape[-1])
-        distance = self.codebook.square().sum(1) - 2 * flat @ self.codebook.t()
+        """(..., d) -> (...) index of the nearest code (Eq. 1), by distances of 32 bits: with fewer, one code in 25 is
+        another."""
+        flat = widened(latents.reshape(-1, latents.shape[-1]))
+        with full_precision(flat):
+            distance = self.codebook.square().sum(1) - 2 * flat @ self.codebook.t()
         return distance.argmin(1).reshape(latents.shape[:-1])
 
     def look_up(self, codes: Tensor) -> Tensor:
@@ -58,7 +61,8 @@ class Quantizer(nn.Module):
     def forward(self, latents: Tensor, mask: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """latents (B, S, d), mask (B, S) -> quantized with straight-through gradient (B, S, d), codes (B, S) long,
         embedding loss, commitment loss (means over valid steps and dimensions; the embedding loss is zero for
-        `ema`)."""
+        `ema`). All of it in 32 bits."""
+        latents = widened(latents)
         with torch.no_grad():
             codes = self.nearest(latents)
         chosen = self.look_up(codes)
@@ -92,6 +96,7 @@ class Quantizer(nn.Module):
 
         Fewer latents than codes are drawn with repetition and a little noise.
         """
+        latents = widened(latents)
         self.codebook.data.copy_(self._draw(latents, self.count, generator))
         for _ in range(rounds):
             codes = self.nearest(latents)

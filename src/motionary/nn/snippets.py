@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from motionary.features import UNIT, Columns, width
 from motionary.nn.convolutions import Down, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer
+from motionary.nn.precision import widened
 
 
 class SnippetEncoder(nn.Module):
@@ -34,7 +35,7 @@ class SnippetEncoder(nn.Module):
         half = coarser(mask)
         quarter = coarser(half)
         codes = self.second(self.first(x[:, self.seen], half), quarter)  # (B, code_dim, T/4)
-        codes = self.output(codes.transpose(1, 2))
+        codes = widened(self.output(codes.transpose(1, 2)))
         return codes if quarter is None else codes * quarter.transpose(1, 2)
 
 
@@ -54,7 +55,7 @@ class SnippetDecoder(nn.Module):
         half = finer(quarter)
         full = finer(half)
         x = self.second(self.first(keep(x, quarter), half), full)
-        out = self.output(x.transpose(1, 2))
+        out = widened(self.output(x.transpose(1, 2)))
         return out if full is None else out * full.transpose(1, 2)
 
 

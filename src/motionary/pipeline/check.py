@@ -15,7 +15,7 @@ from typing import Any
 from motionary.errors import MOST, WIDEST, InputError, check_whole, configure
 from motionary.systems.registry import find, known
 from motionary.systems.renamed import refuse_old_names
-from motionary.training.settings import SEED_KEY, check_data, model_keys, settings_of
+from motionary.training.settings import SEED_KEY, check_data, check_precision, model_keys, settings_of
 
 Values = Mapping[str, Any]
 DEVICES = ("auto", "cpu", "cuda", "mps")
@@ -43,10 +43,8 @@ def check(values: Values, root: Path) -> None:
 
 
 def _check_shared(values: Values) -> None:
-    for key in ("scale", "device", "precision"):
-        value = values.get(key, "auto")
-        if key != "precision" or value not in (16, 32, 64):
-            _check_text(key, value)
+    for key in ("scale", "device"):
+        _check_text(key, values.get(key, "auto"))
     for key, least in (("seed", 0), ("threads", 0)):
         if key in values:
             check_whole(key, values[key], least)
@@ -54,13 +52,7 @@ def _check_shared(values: Values) -> None:
         raise InputError("threads", values["threads"], "must be at most 4096")
     if (device := values.get("device", "auto")) not in DEVICES:
         raise InputError("device", device, f"must be one of {', '.join(DEVICES)}")
-    if (precision := values.get("precision", "auto")) != "auto":
-        from lightning_fabric import Fabric
-
-        try:
-            Fabric(accelerator="cpu", devices=1, precision=precision)
-        except ValueError as error:
-            raise InputError("precision", precision, " ".join(str(error).split())) from None
+    check_precision(values.get("precision", "auto"))
 
 
 def check_system(name: str, own: Values, values: Values, root: Path) -> None:

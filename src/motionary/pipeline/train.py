@@ -85,6 +85,7 @@ def train_each(
     fabric = make_fabric(stage.values["device"], stage.values["precision"])
     if fabric.global_rank == 0:
         stage.forget_finished()
+    settings = settings.over(getattr(data, "starts_in_all", len(data)), fabric.world_size)
     held = Batches(validation, min(settings.batch_size, VALIDATION_BATCH), shuffle=False)
     histories = {}
     for name, model in models.items():

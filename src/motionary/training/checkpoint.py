@@ -27,8 +27,7 @@ def save_checkpoint(
 ) -> None:
     """Writes weights, optimizer moments, `extra` tensors and plain `numbers` to one file, atomically.
 
-    The file also holds the global random state, so that dropout continues where it stopped. The checkpoint that was
-    there becomes :func:`earlier`.
+    The checkpoint that was there becomes :func:`earlier`.
 
     Raises:
         InputError: the disk is full or not writable.
@@ -38,9 +37,6 @@ def save_checkpoint(
     for index, moments in state["state"].items():
         tensors |= {f"optimizer.{index}.{key}": torch.as_tensor(value) for key, value in moments.items()}
     tensors |= {f"extra.{name}": value for name, value in extra.items()}
-    tensors["random.cpu"] = torch.get_rng_state()
-    if torch.cuda.is_available():
-        tensors["random.cuda"] = torch.cuda.get_rng_state()
     contiguous = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
     text = json.dumps(numbers)
     metadata = {"numbers": text, "checksum": _checksum(contiguous, text)}
@@ -55,29 +51,20 @@ def earlier(path: Path) -> Path:
     return path.with_name(f"{path.stem}.earlier{path.suffix}")
 
 
-def resume(
-    path: Path, model: nn.Module, optimizer: torch.optim.Optimizer, first: bool = True
-) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
-    """Restores the newest checkpoint at `path` that is whole; None where there is none.
+def newest(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
+    """Tensors and numbers of the newest checkpoint at `path` that is whole; None where there is none.
 
-    Args:
-        path: as for :func:`save_checkpoint`.
-        model, optimizer: are restored.
-        first: whether this process removes the damaged ones and warns of them, in one line each; the other processes
-            of a training find the same ones damaged, or gone.
+    Damaged ones are removed, with one line of warning each.
     """
     for place in (path, earlier(path)):
         if not place.exists():
             continue
         try:
-            return load_checkpoint(place, model, optimizer)
+            return _read(place)
         except InputError as error:
-            if first:
-                place.unlink(
-                    missing_ok=True
-                )  # or the next one that is written would keep it in the place of a whole one
-                goes_on = "goes on from the one before" if earlier(path).exists() else "starts anew"
-                print(f"warning: {error}; it is dropped, training {goes_on}", file=sys.stderr, flush=True)
+            place.unlink(missing_ok=True)  # or the next one that is written would keep it in the place of a whole one
+            goes_on = "goes on from the one before" if earlier(path).exists() else "starts anew"
+            print(f"warning: {error}; it is dropped, training {goes_on}", file=sys.stderr, flush=True)
     return None
 
 
@@ -90,6 +77,11 @@ def load_checkpoint(
         InputError: the file is not what was written, by its checksum; nothing is restored then.
     """
     tensors, numbers = _read(path)
+    return restore(tensors, model, optimizer), numbers
+
+
+def restore(tensors: dict[str, Tensor], model: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """Gives a model its weights and its optimizer the moments of a checkpoint's tensors; returns the extra ones."""
     model.load_state_dict(_under(tensors, "model."))
     state = optimizer.state_dict()
     moments: dict[int, dict[str, Tensor]] = {}
@@ -97,10 +89,7 @@ def load_checkpoint(
         index, key = name.split(".", 1)
         moments.setdefault(int(index), {})[key] = value
     optimizer.load_state_dict({"state": moments, "param_groups": state["param_groups"]})
-    torch.set_rng_state(tensors["random.cpu"])
-    if "random.cuda" in tensors and torch.cuda.is_available():
-        torch.cuda.set_rng_state(tensors["random.cuda"])
-    return _under(tensors, "extra."), numbers
+    return _under(tensors, "extra.")
 
 
 def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:

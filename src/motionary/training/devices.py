@@ -9,6 +9,8 @@ import torch
 from lightning_fabric import Fabric
 from lightning_fabric.strategies.ddp import DDPStrategy
 
+from motionary.training.settings import check_precision
+
 
 def set_threads(threads: int) -> None:
     """Threads of this process's computations; 0 leaves it to torch: every core, or as many as OMP_NUM_THREADS says.
@@ -20,28 +22,33 @@ def set_threads(threads: int) -> None:
         torch.set_num_threads(threads)
 
 
-def make_fabric(device: str = "auto", precision: str = "auto") -> Fabric:
+def make_fabric(device: str = "auto", precision: str | int = "auto") -> Fabric:
     """A Fabric for this process; under ``torchrun`` it joins the distributed job.
 
     Args:
         device: "auto", "cpu", "cuda" or "mps".
-        precision: "auto" (bf16 mixed on CUDA, else 32-bit) or any precision that Fabric names.
+        precision: of the matrix products of a training step, one of `settings.PRECISIONS`. "bf16-mixed" computes them
+            in bfloat16; weights, optimizer, reductions and validation stay in 32 bits. "auto" is that on CUDA, else
+            "32".
+
+    Where a GPU has TF32, the products that stay in 32 bits take it.
     """
+    check_precision(precision)
     cuda = device in ("auto", "cuda") and torch.cuda.is_available()
+    if cuda:
+        torch.set_float32_matmul_precision("high")
+        torch.backends.cudnn.allow_tf32 = True
     if precision == "auto":
-        precision = "bf16-mixed" if cuda else "32-true"
+        precision = "bf16-mixed" if cuda else "32"
+    named = "32-true" if str(precision) == "32" else precision
     world = int(os.environ.get("WORLD_SIZE", "1"))
     accelerator = cast(Any, "cuda" if cuda else "cpu" if device == "auto" else device)
     if world == 1:
-        return Fabric(accelerator=accelerator, devices=1, precision=cast(Any, precision))
+        return Fabric(accelerator=accelerator, devices=1, precision=cast(Any, named))
     strategy = DDPStrategy(find_unused_parameters=True, process_group_backend="nccl" if cuda else "gloo")
     local = int(os.environ.get("LOCAL_WORLD_SIZE", world))
     fabric = Fabric(
-        accelerator=accelerator,
-        devices=local,
-        num_nodes=world // local,
-        strategy=strategy,
-        precision=cast(Any, precision),
+        accelerator=accelerator, devices=local, num_nodes=world // local, strategy=strategy, precision=cast(Any, named)
     )
     fabric.launch()
     return fabric

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,11 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from motionary.corpus.batches import Batch, Batches
-from motionary.systems.trainable import Trainable
-from motionary.training.checkpoint import resume, save_checkpoint
+from motionary.systems.trainable import Loss, Trainable
+from motionary.training.averaging import WeightAverage
+from motionary.training.checkpoint import newest, restore, save_checkpoint
+from motionary.training.loading import moved_ahead
+from motionary.training.schedule import peak_factor, rate
 from motionary.training.settings import TrainSettings
 
 
@@ -30,16 +32,6 @@ class History:
     best_step: int = 0
     stopped_early: bool = False
     seconds: float = 0.0
-
-
-def rate(settings: TrainSettings, step: int) -> float:
-    """Factor on the peak learning rate at `step`: linear warm-up, then constant or cosine to a hundredth."""
-    if step < settings.warmup_steps:
-        return (step + 1) / settings.warmup_steps
-    if settings.schedule == "constant":
-        return 1.0
-    done = (step - settings.warmup_steps) / max(1, settings.steps - settings.warmup_steps)
-    return 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(1.0, done)))
 
 
 def fit(
@@ -73,6 +65,19 @@ def fit(
     return _Run(model, train, validation, settings, fabric, checkpoint, seed, log, description).run(stop_after)
 
 
+class _Objective(nn.Module):
+    """Computes a loss of the model that it holds, as its `forward`: what Fabric casts and distributes."""
+
+    def __init__(self, model: Trainable):
+        super().__init__()
+        self.model = model
+
+    def forward(self, compute: Callable[[], Loss]) -> Loss:
+        # Not the batch itself: Fabric would round its features to the products' precision.
+        """What `compute` gives."""
+        return compute()
+
+
 class _Run:
     """State of one call of :func:`fit`."""
 
@@ -93,15 +98,13 @@ class _Run:
         self.log = log or (lambda step, values: None)
         self.history = History()
         self.step, self.bad, self.best, self.stopped = 0, 0, math.inf, False
-        torch.manual_seed(seed + 7919 * fabric.global_rank)
-        groups = _groups(model, settings.learning_rate)
+        groups = _groups(model, settings.learning_rate * peak_factor(settings, fabric.world_size))
         self.rates = [group["lr"] for group in groups]
         # Fused: one pass over the weights in place of ten, also on a CPU.
         optimizer = torch.optim.AdamW(groups, lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True)
-        self.wrapped, self.optimizer = fabric.setup(model, optimizer)
-        self.wrapped.mark_forward_method("loss")
+        self.objective, self.optimizer = fabric.setup(_Objective(model), optimizer)
         self.parameters = [p for group in groups for p in group["params"]]
-        self.average = {name: p.detach().clone() for name, p in self._trained()} if settings.ema_decay else {}
+        self.average = WeightAverage(model, settings.ema_decay)
         self.kept: dict[str, Tensor] = {}
 
     def run(self, stop_after: int | None) -> History:
@@ -118,7 +121,7 @@ class _Run:
             mininterval=1.0,
             smoothing=0.05,
         )
-        batches = self._batches()
+        batches = moved_ahead(self._batches(), self.fabric.device)
         self.model.train()
         while self.step < settings.steps and not self.stopped:
             values = self._step(next(batches))
@@ -136,6 +139,7 @@ class _Run:
             if stop_after is not None and self.step >= stop_after:
                 break
         bar.close()
+        batches.close()
         self._keep()
         return self.history
 
@@ -154,7 +158,7 @@ class _Run:
         for group, peak in zip(self.optimizer.param_groups, self.rates, strict=True):
             group["lr"] = peak * factor
         generator = self._generator(self.step)
-        loss, values = self.wrapped.loss(batch.to(self.fabric.device), progress, generator)
+        loss, values = self.objective(lambda: self.model.loss(batch, progress, generator))
         self.fabric.backward(loss)
         if settings.max_grad_norm:
             values = {**values, "gradient": nn.utils.clip_grad_norm_(self.parameters, settings.max_grad_norm)}
@@ -162,42 +166,22 @@ class _Run:
         self.optimizer.zero_grad(set_to_none=True)
         self.model.after_step(self.step, progress, generator)
         self.step += 1
-        self._average()
+        self.average.update(self.step)
         return {"loss": loss.detach(), "learning_rate": torch.tensor(self.rates[0] * factor), **values}
 
     def _generator(self, step: int) -> torch.Generator:
-        place = (self.seed * 1_000_003 + step) * 4099 + self.fabric.global_rank
-        return torch.Generator(self.fabric.device).manual_seed(place % 2**63)
-
-    def _trained(self):
-        return [(name, p) for name, p in self.model.named_parameters() if p.requires_grad]
-
-    def _average(self) -> None:
-        if not self.average:
-            return
-        # Early steps average over what there is, as in Adam's bias correction.
-        decay = min(self.settings.ema_decay, (1 + self.step) / (10 + self.step))
-        trained = self._trained()
-        with torch.no_grad():
-            for name, p in trained:
-                self.average[name].lerp_(p, 1 - decay)
-
-    @contextmanager
-    def _averaged(self):
-        """The averaged weights in the model's place, for validating."""
-        if not self.average:
-            yield
-            return
-        live = {name: p.detach().clone() for name, p in self._trained()}
-        _assign(self.model, self.average)
-        yield
-        _assign(self.model, live)
+        """Of the step's draws. Dropout takes the global one, which is set here too: what a step draws depends on seed,
+        step and process alone, so that a resumed training needs no state of either."""
+        place = ((self.seed * 1_000_003 + step) * 4099 + self.fabric.global_rank) % 2**63
+        torch.manual_seed(place)
+        return torch.Generator(self.fabric.device).manual_seed(place)
 
     def _validate(self) -> None:
         if self.validation is None or len(self.validation) == 0:
             return
-        with self._averaged():
-            values = validate(self.model, self.validation, self.fabric.device)
+        with self.average.in_place():
+            # Everywhere the first process's values: all must stop, and move a curriculum, at the same step.
+            values = self.fabric.broadcast(validate(self.model, self.validation, self.fabric.device))
             if values["loss"] < self.best:
                 self.best, self.bad, self.history.best_step = values["loss"], 0, self.step
                 if self.settings.patience:
@@ -214,35 +198,42 @@ class _Run:
     def _save(self) -> None:
         if self.checkpoint is None or self.fabric.global_rank > 0:
             return
-        extra = {f"average.{k}": v for k, v in self.average.items()} | {f"kept.{k}": v for k, v in self.kept.items()}
+        parts = {"average": self.average.values, "kept": self.kept}
+        extra = {f"{part}.{key}": value for part, values in parts.items() for key, value in values.items()}
         best = None if math.isinf(self.best) else self.best
         numbers = {"step": self.step, "bad": self.bad, "best": best, "stopped": self.stopped}
         numbers["history"] = vars(self.history)
         save_checkpoint(self.checkpoint, self.model, self.optimizer, extra, numbers)
 
     def _resume(self) -> None:
-        first = self.fabric.global_rank == 0
-        if self.checkpoint is None or (found := resume(self.checkpoint, self.model, self.optimizer, first)) is None:
+        """Continues from the checkpoint of the first process, whether or not the others see one."""
+        reads = self.checkpoint is not None and self.fabric.global_rank == 0
+        found = self.fabric.broadcast(newest(self.checkpoint) if reads else None)
+        if found is None:
             return
-        extra, numbers = found
+        tensors, numbers = found
+        extra = restore(tensors, self.model, self.optimizer)
         self.step, self.bad, self.stopped = numbers["step"], numbers["bad"], numbers["stopped"]
         self.best = math.inf if numbers["best"] is None else numbers["best"]
         self.history = History(**numbers["history"])
         for name, value in extra.items():
             place, key = name.split(".", 1)
-            (self.average if place == "average" else self.kept)[key] = value.to(self.fabric.device)
+            (self.average.values if place == "average" else self.kept)[key] = value.to(self.fabric.device)
 
     def _keep(self) -> None:
         if self.kept:
             self.model.load_state_dict(self.kept)
-        elif self.average:
-            _assign(self.model, self.average)
+        else:
+            self.average.keep()
         self.model.eval()
 
 
 @torch.no_grad()
 def validate(model: Trainable, batches: Batches, device: torch.device | str) -> dict[str, float]:
-    """Mean of ``model.validate`` over `batches`, weighted by items; the model is left in eval mode."""
+    """Mean of ``model.validate`` over `batches`, weighted by items; the model is left in eval mode.
+
+    In 32 bits at any precision of the training, as the model is used.
+    """
     model.eval()
     sums: dict[str, float] = {}
     count = 0
@@ -261,10 +252,3 @@ def _groups(model: Trainable, learning_rate: float) -> list[dict[str, Any]]:
         group["params"] = [p for p in group["params"] if p.requires_grad]
         group.setdefault("lr", learning_rate)
     return [group for group in groups if group["params"]]
-
-
-@torch.no_grad()
-def _assign(model: nn.Module, values: dict[str, Tensor]) -> None:
-    for name, parameter in model.named_parameters():
-        if name in values:
-            parameter.copy_(values[name])

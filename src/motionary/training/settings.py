@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 from motionary.errors import HEAVIEST, WIDEST, InputError, check_whole, configure
 
 T = TypeVar("T")
+
+PRECISIONS = ("auto", "32", "bf16-mixed")  # see training.devices.make_fabric
+RATE_SCALES = ("none", "linear", "sqrt")  # see training.schedule.peak_factor
 
 # The key of a stage's section that stands in for the pipeline's seed.
 SEED_KEY = "seed"
@@ -22,14 +26,17 @@ class TrainSettings:
     """Settings of :func:`motionary.training.loop.fit`, the same for every system.
 
     Attributes:
-        steps: optimizer steps in total.
+        steps: optimizer steps in total, where `epochs` is 0.
+        epochs: passes over the training split in place of steps; see :meth:`over`.
         batch_size: items per step and process.
         learning_rate: peak rate of AdamW.
         weight_decay: decoupled weight decay.
         max_grad_norm: largest gradient norm; 0 leaves gradients alone.
         warmup_steps: steps of linear warm-up from zero.
         schedule: "constant", or "cosine" to fall to a hundredth of the peak at the last step.
-        validate_every: steps between validations (and checkpoints).
+        scale_rate: what several processes, whose common batch is as many times larger, do to the rate: "none",
+            "linear" or "sqrt".
+        validate_every: steps between validations (and checkpoints); 0 is an epoch.
         patience: validations without improvement after which training stops early; 0 never stops and keeps the
             last weights, otherwise the best ones are kept.
         ema_decay: decay of the exponential moving average of the weights that is validated and kept; 0 is off.
@@ -43,10 +50,19 @@ class TrainSettings:
     max_grad_norm: float = 0.0
     warmup_steps: int = 0
     schedule: str = "cosine"
+    scale_rate: str = "none"
     validate_every: int = 200
     patience: int = 0
     ema_decay: float = 0.0
     log_every: int = 20
+    epochs: float = 0.0
+
+    def over(self, items: int, world: int = 1) -> TrainSettings:
+        """The settings for a training split of `items`, with `epochs` and a `validate_every` of 0 counted in steps of
+        `world` processes. Only the last step's batch may reach beyond the last epoch."""
+        epoch = items / (self.batch_size * world)
+        steps = max(1, math.ceil(self.epochs * epoch)) if self.epochs else self.steps
+        return replace(self, steps=steps, epochs=0.0, validate_every=self.validate_every or max(1, round(epoch)))
 
     def check(self, stage: str) -> None:
         """Raises InputError naming the first key that is out of range."""
@@ -58,7 +74,9 @@ class TrainSettings:
             "max_grad_norm": (0 <= self.max_grad_norm <= HEAVIEST, f"must be in 0..{HEAVIEST} (0 is off)"),
             "warmup_steps": (0 <= self.warmup_steps <= 10**8, "must be in 0..100000000"),
             "schedule": (self.schedule in ("constant", "cosine"), "must be constant or cosine"),
-            "validate_every": (self.validate_every >= 1, "must be at least 1"),
+            "scale_rate": (self.scale_rate in RATE_SCALES, f"must be one of {', '.join(RATE_SCALES)}"),
+            "validate_every": (self.validate_every >= 0, "must not be negative (0 is once an epoch)"),
+            "epochs": (0 <= self.epochs <= 10**6, "must be in 0..1000000 (0 counts in steps)"),
             "patience": (self.patience >= 0, "must not be negative (0 is off)"),
             "ema_decay": (0 <= self.ema_decay < 1, "must be in [0, 1) (0 is off)"),
             "log_every": (self.log_every >= 1, "must be at least 1"),
@@ -76,6 +94,12 @@ def settings_of(section: Mapping[str, Any], stage: str) -> TrainSettings:
     settings = configure(TrainSettings, {k: v for k, v in section.items() if k in _TRAINING}, stage)
     settings.check(stage)
     return settings
+
+
+def check_precision(precision: Any) -> None:
+    """Raises InputError unless `precision` is one of `PRECISIONS`; YAML reads 32 as a number."""
+    if str(precision) not in PRECISIONS:
+        raise InputError("precision", precision, f"must be one of {', '.join(PRECISIONS)}")
 
 
 def check_data(section: Mapping[str, Any], stage: str) -> None:

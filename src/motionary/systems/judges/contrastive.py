@@ -6,6 +6,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from motionary.nn.precision import full_precision
+
 
 def margin_loss(text: Tensor, motion: Tensor, same: Tensor, shift: int, margin: float) -> Tensor:
     """Eq. 8 over the matched pairs and as many pairs of motion i with text i + shift.
@@ -22,7 +24,8 @@ def margin_loss(text: Tensor, motion: Tensor, same: Tensor, shift: int, margin: 
 
 def infonce_loss(text: Tensor, motion: Tensor, same: Tensor, temperature: float) -> Tensor:
     """Symmetric InfoNCE on cosines; texts that are the `same` (B, B) as a pair's own are no negatives for it."""
-    cosines = F.normalize(motion, dim=-1) @ F.normalize(text, dim=-1).t() / temperature  # (B, B) motion by text
+    with full_precision(text):  # a temperature of 0.1 makes ten times as much of every error
+        cosines = F.normalize(motion, dim=-1) @ F.normalize(text, dim=-1).t() / temperature  # (B, B) motion by text
     cosines = cosines.masked_fill(same & ~diagonal(same), -torch.inf)
     target = torch.arange(len(text), device=text.device)
     return 0.5 * (F.cross_entropy(cosines, target) + F.cross_entropy(cosines.t(), target))

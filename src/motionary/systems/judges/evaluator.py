@@ -15,6 +15,7 @@ from motionary.errors import HEAVIEST, WIDEST, InputError, check_range, check_sh
 from motionary.features import UNIT
 from motionary.language import STATE_DIM
 from motionary.nn.layers import TextEncoder
+from motionary.nn.precision import widened
 from motionary.nn.recurrent import BiGRU
 from motionary.nn.snippets import SnippetEncoder
 from motionary.systems.judges.contrastive import first_share, infonce_loss, margin_loss
@@ -143,6 +144,7 @@ class Evaluator(Trainable):
         return self.embed_text(batch.words, batch.tags, batch.word_count)
 
     def _place(self, x: Tensor) -> Tensor:
+        x = widened(x)
         return x if self.config.objective == "margin" else self.config.radius * F.normalize(x, dim=-1)
 
 

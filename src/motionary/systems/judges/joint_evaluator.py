@@ -20,6 +20,7 @@ from motionary.features import UNIT
 from motionary.language import STATE_DIM
 from motionary.nn.convolutions import Down, ResBlock, coarser, keep
 from motionary.nn.layers import length_mask
+from motionary.nn.precision import full_precision, widened
 from motionary.nn.transformer import EncoderLayer
 from motionary.systems.judges.contrastive import first_share, infonce_loss
 from motionary.systems.judges.skeletal import View, channels
@@ -106,7 +107,8 @@ class JointEvaluator(Trainable):
         """Features of motions of at least 4 frames as joints in metres; shorter ones are an InputError."""
         if int(frames.min()) < UNIT:
             raise InputError("frames", int(frames.min()), f"a motion needs at least {UNIT} frames")
-        x, steps = self.view(joints, frames, tempo)
+        with full_precision(joints):  # positions, to the millimetre
+            x, steps = self.view(joints, frames, tempo)
         x = F.pad(x, (0, 0, 0, -x.shape[1] % 4)).transpose(1, 2)  # (B, C, S), S a multiple of 4: halved twice
         mask = length_mask(steps, x.shape[-1])[:, None].to(x.dtype)
         for down, block in zip(self.downs, self.blocks, strict=True):
@@ -120,7 +122,8 @@ class JointEvaluator(Trainable):
         if self.training:
             draw = torch.rand(len(joints), generator=generator, device=joints.device)
             tempo = 1 + self.config.tempo * (2 * draw - 1)
-            joints = self.view.other_bones(joints, self.config.bones, generator)
+            with full_precision(joints):
+                joints = self.view.other_bones(joints, self.config.bones, generator)
         motion = self.embed_joints(joints, batch.frames, tempo)
         text = self.embed_states(batch.states, batch.state_count)
         same = batch.text_key[:, None] == batch.text_key[None]  # (B, B)
@@ -129,13 +132,14 @@ class JointEvaluator(Trainable):
         return loss, {"top1": first_share(text, motion, same)}
 
     def _place(self, x: Tensor) -> Tensor:
-        return self.config.radius * F.normalize(x.float(), dim=-1)
+        return self.config.radius * F.normalize(widened(x), dim=-1)
 
 
 def similarity(states: Tensor, count: Tensor) -> Tensor:
     """(B, B) cosines of the sentence embeddings (means over tokens) of states (B, N, d), count (B,)."""
     sentence = F.normalize(states.float().sum(1) / count[:, None], dim=-1)
-    return sentence @ sentence.t()
+    with full_precision(sentence):
+        return sentence @ sentence.t()
 
 
 class _Branch(nn.Module):

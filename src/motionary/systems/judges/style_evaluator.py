@@ -19,6 +19,7 @@ from motionary.features import UNIT
 from motionary.nn.convolutions import Down, ResBlock, coarser, keep
 from motionary.nn.layers import Normalizer, length_mask
 from motionary.nn.padding import by_length, pad
+from motionary.nn.precision import full_precision, widened
 from motionary.systems.io import load_model, model_hash
 from motionary.systems.trainable import Trainable
 
@@ -77,14 +78,15 @@ class Classifier(nn.Module):
             x = down(x, mask)
         for block in self.blocks:
             x = block(x, mask)
-        x, count = keep(self.dropout(x), mask), mask.sum(-1)
+        x, count = widened(keep(self.dropout(x), mask)), mask.sum(-1)
         mean = x.sum(-1) / count
         variance = (keep(x - mean[..., None], mask)).square().sum(-1) / count
-        return F.normalize(self.head(torch.cat([mean, (variance + 1e-5).sqrt()], -1)), dim=-1)
+        return F.normalize(widened(self.head(torch.cat([mean, (variance + 1e-5).sqrt()], -1))), dim=-1)
 
     def logits(self, embedding: Tensor) -> Tensor:
         """(B, classes): scaled cosines of features and classes."""
-        return self.scale * embedding @ F.normalize(self.classes, dim=-1).t()
+        with full_precision(embedding):
+            return self.scale * embedding @ F.normalize(self.classes, dim=-1).t()
 
 
 class StyleEvaluator(Trainable):

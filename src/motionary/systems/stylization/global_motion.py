@@ -15,6 +15,7 @@ from motionary.corpus.context import Context
 from motionary.errors import WIDEST, InputError, check_range
 from motionary.nn.convolutions import SLOPE, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.nn.precision import widened
 from motionary.systems.stylization.local_motion import LocalMotion
 from motionary.systems.trainable import Loss, Trainable
 
@@ -58,7 +59,7 @@ class GlobalMotion(Trainable):
         x = keep(x, mask)
         for layer in self.layers[:-1]:
             x = keep(F.leaky_relu(layer(x), SLOPE), mask)
-        return keep(self.layers[-1](x), mask).transpose(1, 2)
+        return widened(keep(self.layers[-1](x), mask).transpose(1, 2))
 
     def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
         """Mean absolute error of the normalized velocities over valid frames."""

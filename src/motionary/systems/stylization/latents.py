@@ -13,6 +13,7 @@ from motionary.errors import HEAVIEST, WIDEST, InputError, check_range
 from motionary.features import UNIT
 from motionary.nn.convolutions import Down, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.nn.precision import widened
 from motionary.nn.reconstruction import position_error
 from motionary.nn.snippets import prepare
 from motionary.systems.stylization.local_motion import LocalMotion
@@ -97,7 +98,7 @@ class Latents(Trainable):
             return keep(codes, quarter).transpose(1, 2).unflatten(-1, (UNIT, self.local_dim)).flatten(1, 2)
         half = finer(quarter)
         x = self.up_first(keep(codes, quarter), half)
-        return keep(self.up_second(x), finer(half)).transpose(1, 2)
+        return widened(keep(self.up_second(x), finer(half)).transpose(1, 2))
 
     def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
         """L1 reconstruction plus the variant's penalty, as means over valid frames and features (steps and channels)
@@ -120,8 +121,9 @@ class Latents(Trainable):
         half = coarser(mask)
         hidden, quarter = self.first(x, half), coarser(half)
         if not self.training and self.config.variant == "V":  # in use, the variances are not even computed
-            return keep(nn.functional.conv1d(hidden, *self._mean_weights(), stride=2, padding=1), quarter), None
-        codes = keep(self.second(hidden), quarter)
+            means = nn.functional.conv1d(hidden, *self._mean_weights(), stride=2, padding=1)
+            return widened(keep(means, quarter)), None
+        codes = widened(keep(self.second(hidden), quarter))
         if self.config.variant == "A":
             return codes, None
         mean, log_variance = codes.chunk(2, 1)

@@ -11,12 +11,15 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from motionary.nn.convolutions import SLOPE, Down, coarser, finer, keep
+from motionary.nn.precision import widened
 
 EPSILON = 1e-5
 
 
 def instance_norm(x: Tensor, mask: Tensor | None = None) -> Tensor:
-    """Each channel of each item to mean 0 and variance 1 over its valid steps; zero beyond them and where constant."""
+    """Each channel of each item to mean 0 and variance 1 over its valid steps; zero beyond them and where constant;
+    in 32 bits."""
+    x = widened(x)
     if mask is None:
         away = x - x.mean(-1, keepdim=True)
         return away * (away.square().mean(-1, keepdim=True) + EPSILON).rsqrt()
@@ -72,11 +75,12 @@ class StyleEncoder(nn.Module):
         """`mask` belongs to the codes."""
         x = keep(F.leaky_relu(self.first(codes), SLOPE), mask)
         x, mask = self.down(x, coarser(mask)), coarser(mask)
+        x = widened(x)
         pooled = x.mean(-1) if mask is None else x.sum(-1) / mask.sum(-1).clamp(min=1)
         hidden = self.hidden(pooled)
         if self.label is not None:
             hidden = hidden + self.label(label)
-        mean, log_variance = self.output(F.leaky_relu(hidden, SLOPE)).chunk(2, -1)
+        mean, log_variance = widened(self.output(F.leaky_relu(hidden, SLOPE))).chunk(2, -1)
         return mean, log_variance
 
 
@@ -120,4 +124,4 @@ class Generator(nn.Module):
             x = x + adaptive_norm(keep(second(inner), mask), *next(layer), mask)
         x, mask = x.repeat_interleave(2, -1), finer(mask)
         x = F.leaky_relu(adaptive_norm(keep(self.up(x), mask), *next(layer), mask), SLOPE)
-        return keep(self.output(x), mask)
+        return widened(keep(self.output(x), mask))

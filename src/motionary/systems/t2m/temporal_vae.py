@@ -10,6 +10,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from motionary.nn.layers import TextEncoder, initialize, length_mask, positional_encoding
+from motionary.nn.precision import widened
+from motionary.nn.recurrent import gru_step
 
 SLOPE = 0.2  # of every leaky rectifier
 LEAST_LOG_VARIANCE, MOST_LOG_VARIANCE = -12.0, 6.0  # keeps the KL term and its gradient finite
@@ -50,7 +52,7 @@ class Words:
         """Queries (R, a) of the first R sentences -> attended words (R, a), Eq. 4.4."""
         rows = len(query)
         scores = torch.baddbmm(self.bias[:rows, :, None], self.keys[:rows], query[:, :, None])
-        return torch.bmm(torch.softmax(scores, dim=1).transpose(1, 2), self.values[:rows])[:, 0]
+        return torch.bmm(torch.softmax(widened(scores), dim=1).transpose(1, 2), self.values[:rows])[:, 0]
 
 
 class Branch(nn.Module):
@@ -66,7 +68,7 @@ class Branch(nn.Module):
     def forward(self, parts: list[Tensor], arrival: Tensor | None, hidden: Tensor) -> Tensor:
         """One step: inputs to concatenate (B, d_i), time to arrival (B, h) or None, hidden (B, h) -> hidden (B, h)."""
         x = F.leaky_relu(self.norm(self.input(torch.cat(parts, dim=1))), SLOPE)
-        return self.cell(x if arrival is None else x + arrival, hidden)
+        return gru_step(self.cell, x if arrival is None else x + arrival, hidden)
 
 
 class Unroll(NamedTuple):
@@ -129,7 +131,7 @@ class TemporalVAE(nn.Module):
 
     def decode(self, hidden: Tensor) -> Tensor:
         """Hidden states (..., h) of the generator -> codes (..., c)."""
-        return self.out(self.generator.head(hidden))
+        return widened(self.out(self.generator.head(hidden)))
 
     def unroll(
         self, words: Words | None, hidden: list[Tensor], targets: Tensor, first: Tensor, length: Tensor,
@@ -202,6 +204,7 @@ class TemporalVAE(nn.Module):
 
 
 def gaussian(parameters: Tensor) -> Gaussian:
-    """Means and logarithms of variances (..., 2z) as distributions; the logarithms are kept in a finite range."""
-    mean, log_variance = parameters.chunk(2, dim=-1)
+    """Means and logarithms of variances (..., 2z) as distributions of 32 bits; the logarithms are kept in a finite
+    range."""
+    mean, log_variance = widened(parameters).chunk(2, dim=-1)
     return Gaussian(mean, log_variance.clamp(LEAST_LOG_VARIANCE, MOST_LOG_VARIANCE))

@@ -16,6 +16,7 @@ from motionary.errors import WIDEST, InputError, check_range, check_share
 from motionary.language import END, UNKNOWN, Sentence
 from motionary.nn.decoding import Sampling
 from motionary.nn.layers import TextEncoder
+from motionary.nn.precision import widened
 from motionary.systems.requests import encode_sentences
 from motionary.systems.trainable import Loss, Trainable
 
@@ -68,7 +69,7 @@ class Text2Length(Trainable):
 
     def forward(self, words: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
         """words (B, N), tags (B, N) | None, count (B,) -> logits (B, T_max), column k for k + 1 units."""
-        return self.head(self.text.sentence(words, tags, count))
+        return widened(self.head(self.text.sentence(words, tags, count)))
 
     def loss(self, batch: TextBatch, progress: float, generator: torch.Generator) -> Loss:
         """Cross-entropy with the true length, or with a bell around it (`spread`)."""

@@ -9,6 +9,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from motionary.nn.layers import TextEncoder, length_mask, positional_encoding
+from motionary.nn.precision import widened
+from motionary.nn.recurrent import gru_step
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class TokenGRU(nn.Module):
 
     def logits(self, hidden: Tensor) -> Tensor:
         """(..., h) -> logits (..., K + 3) of the next token."""
-        return self.out(self.dropout(hidden))
+        return widened(self.out(self.dropout(hidden)))
 
     def unroll(
         self, state: GRUState, tokens: Tensor, free: Tensor | None = None, generator: torch.Generator | None = None
@@ -151,8 +153,8 @@ class TokenGRU(nn.Module):
     def _advance(self, state: GRUState, hidden: Tensor, token: Tensor) -> Tensor:
         """One step: Eq. 5-6 on the previous hidden state, mixed with the token (R, e), into the GRU cell."""
         scores = torch.baddbmm(state.bias[..., None], state.keys, hidden[..., None])
-        attended = torch.bmm(torch.softmax(scores, dim=1).transpose(1, 2), state.values)[:, 0]
-        return self.cell(F.leaky_relu(self.norm(attended + token), 0.2), hidden)
+        attended = torch.bmm(torch.softmax(widened(scores), dim=1).transpose(1, 2), state.values)[:, 0]
+        return gru_step(self.cell, F.leaky_relu(self.norm(attended + token), 0.2), hidden)
 
     def _embed(self, state: GRUState, tokens: Tensor, first: int = 0) -> Tensor:
         """Tokens (R, S) -> their share (R, S, e) of the mixing layer, positions counted from `first`."""
@@ -168,4 +170,5 @@ class TokenGRU(nn.Module):
     @torch.no_grad()
     def _draw(self, hidden: Tensor, generator: torch.Generator | None) -> Tensor:
         # Codes only: what follows an end was never trained.
-        return torch.multinomial(torch.softmax(self.out(hidden)[:, : self.codes], -1), 1, generator=generator)[:, 0]
+        shares = torch.softmax(widened(self.out(hidden)[:, : self.codes]), -1)
+        return torch.multinomial(shares, 1, generator=generator)[:, 0]

@@ -13,6 +13,7 @@ from motionary.errors import DEEPEST, HEAVIEST, WIDEST, InputError, check_range,
 from motionary.features import UNIT, width
 from motionary.nn.convolutions import Down, ResBlock, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.nn.precision import widened
 from motionary.nn.quantizer import KINDS, Quantizer, usage
 from motionary.nn.reconstruction import distance, feature_weights, position_error
 from motionary.nn.snippets import prepare
@@ -102,7 +103,7 @@ class TokenEncoder(nn.Module):
         x = self.second(x, quarter)
         for block in self.coarse:
             x = block(x, quarter)
-        return keep(self.output(x), quarter).transpose(1, 2)
+        return widened(keep(self.output(x), quarter).transpose(1, 2))
 
 
 class TokenDecoder(nn.Module):
@@ -128,7 +129,7 @@ class TokenDecoder(nn.Module):
         for block in self.coarse:
             x = block(x, quarter)
         x = self.second(self.first(x, half), full)
-        return keep(self.output(x), full).transpose(1, 2)
+        return widened(keep(self.output(x), full).transpose(1, 2))
 
 
 def _stack(width: int, blocks: int, dilation: int) -> nn.ModuleList:
