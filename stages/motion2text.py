@@ -1,11 +1,13 @@
 """Trains the captioner, motion tokens to words (TM2T 3.2)."""
 
 from _project import ROOT  # isort: skip
+from dataclasses import replace
 from typing import cast
 
 import hydra
 
 from motionary.corpus.batches import Pairs, TokenStore
+from motionary.corpus.caption_words import captions_vocabulary
 from motionary.corpus.store import Corpus
 from motionary.evaluation.codebooks import shifted_tokens
 from motionary.pipeline.stage import Stage, run_stage
@@ -22,19 +24,23 @@ def main(config):
     with Stage("motion2text", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
         settings, seeds = stage.training(), member_seeds(stage.seed, stage.section["ensemble"])
-        members = {member_name(i): build(stage, corpus.context, seed) for i, seed in enumerate(seeds)}
+        context = corpus.context
+        written = captions_vocabulary(corpus) if stage.section["wording"] == "written" else None
+        if written is not None:
+            context = replace(context, vocabulary=written)
+        members = {member_name(i): build(stage, context, seed) for i, seed in enumerate(seeds)}
         tokenizer = stage.input(f"models/{members[''].config.tokenizer}")
         tokens = TokenStore.load(tokenizer)
         raw, shifts = not stage.section["tokens"], stage.section["offsets"]
         stores = None if raw else shifted_tokens(corpus, tokens, cast(MotionCodec, load_model(tokenizer)), shifts)
-        data = Pairs(corpus, "train", stores, motion=raw, shifts=shifts, **stage.data)
-        validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw)
+        data = Pairs(corpus, "train", stores, motion=raw, shifts=shifts, written=written, **stage.data)
+        validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw, written=written)
 
         by_name = dict(zip(members, seeds, strict=True))
         histories = train_each(stage, members, data, validation, settings, length_sorted=True, seeds=by_name)
         with stage.publish("models/motion2text") as folder:
             for name, model in members.items():
-                save_model(folder / name, "motion2text", model, corpus.context)
+                save_model(folder / name, "motion2text", model, context)
         stage.report({name or "training": last_losses(history) for name, history in histories.items()})
 
 

@@ -27,7 +27,7 @@ class ByLength:
 class Parrot:
     """Says a fixed caption by beam search, and by consensus what the item's own reference says."""
 
-    draws = True
+    draws, written = True, False
 
     def __init__(self, items: Items):
         self.said = [" ".join(options[0].words) for options in items.references]
@@ -70,3 +70,30 @@ def test_a_captioner_that_cannot_draw_is_scored_once(items):
     report = score_captioner(plain, items, Jury({"length": ByLength()}, PROTOCOL))
     assert "consensus" not in report
     assert {consensus for consensus, _ in plain.asked} == {0}
+
+
+class Writer(Plain):
+    """Writes the item's first reference as it was written."""
+
+    written = True
+
+    def caption(self, features, beams, seeds=None, consensus=0):
+        return [[self.raw[self.place[id(f)]]] for f in features]
+
+
+def test_captions_in_written_words_are_scored_raw_as_they_are_and_normalized_beside_the_others(items):
+    writer = Writer(items)
+    writer.raw = [options[0].text for options in items.references]
+    report = score_captioner(writer, items, Jury({"length": ByLength()}, PROTOCOL))
+    normal = score_captioner(Parroting(items), items, Jury({"length": ByLength()}, PROTOCOL))
+    assert report["language"]["all"]["bleu4"]["mean"] == pytest.approx(1.0)
+    assert report["language"]["all"]["raw"]["bleu4"]["mean"] == pytest.approx(1.0)
+    assert normal["language"]["all"]["bleu4"]["mean"] == pytest.approx(1.0)
+    assert normal["language"]["all"]["raw"]["bleu4"]["mean"] < 0.9
+
+
+class Parroting(Plain):
+    """Says the item's first reference in normalized words."""
+
+    def caption(self, features, beams, seeds=None, consensus=0):
+        return [[self.said[self.place[id(f)]]] for f in features]

@@ -42,16 +42,16 @@ def test_two_processes_train_every_member(repository, tmp_path):
         "dim_feedforward=16",
         "num_heads=2",
     ]
-    settings = [f"motion2text.{s}" for s in (*small, "offsets=2", "ensemble=2")]
+    settings = [f"motion2text.{s}" for s in (*small, "offsets=2", "ensemble=2", "wording=written")]
     launch = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     command = [*launch, "stages/motion2text.py", *settings, "scale=tiny", "threads=1", "device=cpu"]
     environment = os.environ | {"DVC_STAGE": "motion2text", "PYTHONPATH": str(root / "src")}
     done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-3000:]
-    first, second = (
-        parameters_to_vector(m.parameters())
-        for m in open_system("motion2text", "motion_to_text", root / "models").members
-    )
+    captioner = open_system("motion2text", "motion_to_text", root / "models")
+    assert captioner.written
+    assert all("walks" in member.context.vocabulary for member in captioner.members)  # words as people wrote them
+    first, second = (parameters_to_vector(m.parameters()) for m in captioner.members)
     assert not torch.allclose(first, second, atol=0.05)
     report = json.loads((root / "reports/motion2text.json").read_text())
     assert report.pop("code") == code_hash(root, "motion2text")

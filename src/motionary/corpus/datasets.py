@@ -10,10 +10,11 @@ from torch import Tensor
 
 from motionary.corpus.batch import Batch
 from motionary.corpus.caption_weights import CaptionWeights
+from motionary.corpus.caption_words import encode_captions
 from motionary.corpus.store import Corpus
 from motionary.corpus.token_store import TokenStore
 from motionary.errors import InputError
-from motionary.language import PAD, TAGS, Sentence
+from motionary.language import Vocabulary
 
 
 class Windows:
@@ -93,6 +94,7 @@ class Pairs:
         max_words: longer captions are cut.
         motion: False leaves the features out (token models do not need them).
         mirrored: False leaves out the mirrored copies that preprocess added.
+        written: gives the captions' words as they were written, in this vocabulary, in place of normalized ones.
     """
 
     def __init__(
@@ -109,6 +111,7 @@ class Pairs:
         max_words: int = 20,
         motion: bool = True,
         mirrored: bool = True,
+        written: Vocabulary | None = None,
     ):
         stores = () if tokens is None else (tokens,) if isinstance(tokens, TokenStore) else tuple(tokens)
         for store in stores:
@@ -135,7 +138,7 @@ class Pairs:
         self.lengths = corpus.clips.length[rows]
         self.drawn = CaptionWeights(corpus.captions.weight, first, last)
         self.weights = self.drawn.times(balanced(corpus.clips.group[rows], balance))
-        self.words, self.tags, self.word_count = _encode(corpus, max_words)
+        self.words, self.tags, self.word_count = encode_captions(corpus, max_words, written)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -202,22 +205,6 @@ def balanced(groups: np.ndarray, balance: float) -> np.ndarray | None:
         return None
     weights = count[place].astype(np.float64) ** -balance
     return weights / weights.sum()
-
-
-def _encode(corpus: Corpus, max_words: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Word ids (captions, N), tag ids (captions, N) and counts (captions,) of every caption; equal texts once."""
-    captions, vocabulary = corpus.captions, corpus.context.vocabulary
-    words = np.full((len(captions), max_words + 2), PAD, dtype=np.int32)
-    tags = np.full_like(words, TAGS.index("OTHER"))
-    counts = np.zeros(len(captions), dtype=np.int64)
-    known: dict[tuple, tuple] = {}
-    for i, sentence in enumerate(zip(captions.words, captions.tags, strict=True)):
-        if sentence not in known:
-            known[sentence] = vocabulary.encode(Sentence(captions.text[i], *sentence), max_words=max_words)
-        ids, tag_ids = known[sentence]
-        counts[i] = len(ids)
-        words[i, : len(ids)], tags[i, : len(ids)] = ids, tag_ids
-    return words, tags, counts
 
 
 def gather(values: np.ndarray, offset: np.ndarray, count: np.ndarray, length: int) -> np.ndarray:

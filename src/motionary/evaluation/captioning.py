@@ -45,18 +45,19 @@ def score_captioner(captioner: MotionToText, items: Items, jury: Jury) -> dict[s
 
     def scores(captions: list[str]) -> dict[str, Any]:
         """What is reported of captions, one for each item."""
-        sentences = annotate(captions)
-        language = {}
+        sentences, language = annotate(captions), {}
+        # What a captioner writes as people do is normalized to be scored beside the others.
+        normal = [s.normalized for s in sentences] if captioner.written else captions
         for name, where in parts.items():
-            picked = [captions[i] for i in where]
+            own, said = ([texts[i] for i in where] for texts in (normal, captions))
             language[name] = {
                 "items": len(where),
-                **_rounded(caption_scores(picked, [references[i] for i in where], bert=protocol.bert_score)),
-                "raw": _rounded(caption_scores(picked, [raw[i] for i in where], bert=False)),
+                **_rounded(caption_scores(own, [references[i] for i in where], bert=protocol.bert_score)),
+                "raw": _rounded(caption_scores(said, [raw[i] for i in where], bert=False)),
             }
         judged = jury.rows([(jury.sentences(sentences), features, parts)], features)
         action = {name: named_action(sentences, items, where) for name, where in parts.items()}
-        by_labels = score_by_labels(captions, references, items, known)
+        by_labels = score_by_labels(normal, references, items, known)
         return {"language": language, "captioning": _retrieval(judged), "action": action, "labels": by_labels}
 
     captions = caption_all(captioner, items, protocol)

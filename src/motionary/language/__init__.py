@@ -11,6 +11,7 @@ from motionary.language.states import TextStates
 from motionary.language.text import check_prompt
 from motionary.language.vectors import word_vectors
 from motionary.language.vocabulary import END, MAX_WORDS, PAD, START, UNKNOWN, Vocabulary
+from motionary.language.written import as_written, written_vocabulary
 
 __all__ = [
     "END",
@@ -25,6 +26,7 @@ __all__ = [
     "TextStates",
     "Vocabulary",
     "annotate",
+    "as_written",
     "check_prompt",
     "mirror_text",
     "model_name",
@@ -32,4 +34,5 @@ __all__ = [
     "sentence_embeddings",
     "sentence_from_tokens",
     "word_vectors",
+    "written_vocabulary",
 ]

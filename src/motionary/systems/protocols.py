@@ -47,10 +47,12 @@ class MotionToText(Protocol):
     Attributes:
         context: of the corpus that it learned from.
         draws: it can choose a caption by consensus of draws.
+        written: it writes words as people do, and not normalized ones.
     """
 
     context: Context
     draws: bool
+    written: bool
 
     def caption(
         self,
@@ -61,7 +63,7 @@ class MotionToText(Protocol):
         temperature: float | None = None,
         consensus: int = 0,
     ) -> list[list[str]]:
-        """n captions of each motion as normalized words, best first."""
+        """n captions of each motion, best first: normalized words, or words as people write them."""
         ...
 
 

@@ -30,6 +30,7 @@ class Captioner:
     def __init__(self, members: Sequence[Motion2Text], tokenizer: Tokenizer | None, chunk: int = 64):
         self.members, self.tokenizer, self.chunk = [model.eval() for model in members], tokenizer, chunk
         self.config, self.context = members[0].config, members[0].context
+        self.written = self.config.wording == "written"
 
     @torch.no_grad()
     def caption(
@@ -56,7 +57,7 @@ class Captioner:
         trained with; draws take turns.
 
         Returns:
-            for each motion, its captions: normalized words joined by spaces.
+            for each motion, its captions: words joined by spaces, normalized or as people write them.
         """
         for number, array in enumerate(features):
             if array.ndim != 2 or array.shape[1] != len(self.context.mean) or len(array) < 1:

@@ -66,6 +66,8 @@ class InverseAlignment(Text2Token):
         """Freeze `reader` and use it for the second term."""
         if reader.config.codebook_size != self.config.codebook_size or not reader.config.tokens:
             raise InputError("models/motion2text", reader.config, "must read the tokens of the same tokenizer")
+        if reader.config.wording != "normalized":
+            raise InputError("motion2text.wording", reader.config.wording, "must be normalized to teach text2token")
         if reader.context.vocabulary.words != self.context.vocabulary.words:
             raise InputError("models/motion2text", "vocabulary", "must be that of text2token")
         self._reader = (reader.eval().requires_grad_(False),)

@@ -16,6 +16,8 @@ from motionary.nn.layers import Normalizer, length_mask
 from motionary.nn.transformer import Cache, TokenTransformer
 from motionary.systems.trainable import Trainable
 
+WORDINGS = ("normalized", "written")
+
 
 @dataclass(frozen=True)
 class Motion2TextConfig:
@@ -38,6 +40,8 @@ class Motion2TextConfig:
         ensemble: captioners that are trained apart, each with its own seed, and average what they predict (1 in the
             paper). Inverse alignment learns from the first.
         max_words: longest caption.
+        wording: "normalized" (the paper: no tense, no plural), or "written": captions as people wrote them. Inverse
+            alignment learns from a captioner of normalized words.
     """
 
     codebook_size: int
@@ -55,8 +59,11 @@ class Motion2TextConfig:
     offsets: int = 1
     ensemble: int = 1
     max_words: int = 30
+    wording: str = "normalized"
 
     def __post_init__(self) -> None:
+        if self.wording not in WORDINGS:
+            raise InputError("motion2text.wording", self.wording, f"must be one of {', '.join(WORDINGS)}")
         sizes, stacks = ("width", "dim_feedforward", "num_heads"), ("num_layers", "pose_frames", "offsets", "ensemble")
         check_range("motion2text", self, sizes, 1, WIDEST)
         check_range("motion2text", self, stacks, 1, DEEPEST)
