@@ -17,11 +17,13 @@ COMMANDS = tuple(module.COMMAND for module in (generate, caption, stylize, searc
 
 @contextmanager
 def _short_warnings() -> Iterator[None]:
-    """A doubt about how a file was read is one line, like an error, and is said for every file."""
+    """A doubt about how a file was read is one line, like an error, and is said for every file once its result stands:
+    what ends in an error says that alone."""
+    doubts: list[str] = []
 
     def show(message, category, filename, lineno, file=None, line=None) -> None:
         if issubclass(category, InputWarning):
-            print(f"warning: {message}", file=sys.stderr)
+            doubts.append(f"warning: {message}")
         else:
             usual(message, category, filename, lineno, file, line)
 
@@ -29,6 +31,8 @@ def _short_warnings() -> Iterator[None]:
         usual, warnings.showwarning = warnings.showwarning, show
         warnings.simplefilter("always", InputWarning)
         yield
+    for doubt in doubts:
+        print(doubt, file=sys.stderr)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,6 +13,7 @@ from motionary.errors import InputError
 from motionary.motion import Motion, canonicalize, repeat_last_step, resample, retarget
 
 T = TypeVar("T")
+_MINUTE = 60.0
 
 
 def encode(motion: Motion, context: Context, whole: bool = False) -> np.ndarray:
@@ -22,6 +23,10 @@ def encode(motion: Motion, context: Context, whole: bool = False) -> np.ndarray:
     Raises:
         InputError: shorter than one unit, on an unknown rig, or not finite once encoded.
     """
+    if not whole:  # what lies far beyond what models read costs neither time nor memory
+        motion = motion.crop(
+            0, min(motion.frames, math.ceil((_MINUTE + context.max_frames / context.fps) * motion.fps))
+        )
     motion = retarget(resample(without_bind_pose(motion), context.fps), context.skeleton)
     if whole or motion.frames % context.unit == 0:
         motion = repeat_last_step(motion)  # so that a generated motion is read whole

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from motionary.errors import InputError
 
-SMALL = 2_000_000  # joints x frames that any file may hold: 75 minutes of 22 joints at 20 fps
+SMALL = 1_000_000  # joints x frames that any file may hold: 38 minutes of 22 joints at 20 fps
 _BYTES = 2  # of a larger file, per joint and frame: even well packed, real motion takes more
 _MOST = 50_000_000
 FARTHEST = 1e12  # units of a file; beyond it products overflow, and no unit makes a place of it

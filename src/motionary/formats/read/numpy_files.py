@@ -124,7 +124,8 @@ def _header(file: IO[bytes], what: object, kinds: str, size: int) -> tuple[tuple
         raise InputError(what, shape, "no length of an array can be below 0")
     if dtype.kind == "U" and math.prod(shape) * dtype.itemsize > _LONGEST_TEXT:
         raise InputError(what, f"{dtype} {shape}", f"text may take at most {_LONGEST_TEXT:,} bytes")
-    check_extent(what, f"{dtype} {shape}", math.prod(shape) // 3, size)
+    per_joint = 4 if shape and shape[-1] == 4 else 3  # a rotation, or a place
+    check_extent(what, f"{dtype} {shape}", math.prod(shape) // per_joint, size)
     return shape, bool(fortran), dtype
 
 
