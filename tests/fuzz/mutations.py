@@ -85,7 +85,7 @@ def _text(rng: np.random.Generator, text: str) -> bytes:
         elif how == 4:
             lines.insert(int(rng.integers(len(lines))), lines.pop(i))
         else:
-            lines[i] = " ".join(words * int(rng.choice([2, 20, 3000])))
+            lines[i] = " ".join(words[:500] * int(rng.choice([2, 20, 300])))
     return (" " if rng.random() < 0.1 else "\n").join(lines).encode()
 
 

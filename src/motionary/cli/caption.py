@@ -28,7 +28,7 @@ def _run(options: argparse.Namespace) -> None:
     motions = shared.read_files(options)
     names = ("n", "beams", "system", "seed", "temperature", "consensus")
     dictionary = shared.open_models(options)
-    with shared.naming(", ".join(options.files)):
+    with shared.naming(", ".join(options.files), options.models):
         found = dictionary.caption(motions, **{name: getattr(options, name) for name in names})
     several = len(found) > 1
     pairs = list(zip(options.files, found, strict=True))

@@ -19,6 +19,7 @@ from motionary.motion import Motion, Skeleton, repeat_last_step
 
 # Joints -> what the two releases are: HumanML3D (SMPL joints, 20 fps) and KIT-ML (12.5 fps).
 RELEASES = {22: ("smpl22", 20.0), 21: ("kit21", 12.5)}
+_LONGEST_NAME = 200  # no disk holds longer ones
 TALLEST = 10.0  # m; KIT-ML is released in millimetres, and nobody is this tall in metres
 
 
@@ -105,7 +106,7 @@ class HumanML3DSource:
                     continue
                 if name in split_of:
                     problems.append(InputError(f"{path}:{number}", name, f"duplicate id, already in {split_of[name]}"))
-                elif "/" in name or name.startswith("."):
+                elif "/" in name or name.startswith(".") or len(name) > _LONGEST_NAME:
                     problems.append(InputError(f"{path}:{number}", name, "must be the bare name of a motion"))
                 else:
                     split_of[name] = split

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from motionary.errors import InputError
 
@@ -29,3 +32,21 @@ def given(function: Callable[..., Any], path: str | os.PathLike, options: dict[s
         if name not in names or name == "force":
             raise InputError(path, name, f"no option of this format; it has {', '.join(names)}")
     return options
+
+
+@contextmanager
+def foreseen(path: str | os.PathLike, rule: str) -> Iterator[None]:
+    """What nobody foresaw of a file becomes one line with its name, the kind of the failure and the rule.
+
+    numpy says nothing meanwhile: infinities and NaN are refused where a motion is made, and the ways to them need no
+    lines of their own.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except (InputError, OSError):
+        raise
+    except MemoryError:
+        raise InputError(path, "too large", "must fit into this machine's memory") from None
+    except Exception as error:
+        raise InputError(path, f"{type(error).__name__}: {error}", rule) from error

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from motionary.errors import InputError
+from motionary.formats.dispatch import foreseen
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rigging import Rig
 
@@ -26,9 +27,11 @@ def read_rig(rig: Skeleton | Motion | Rig | str | os.PathLike) -> Rig:
     if suffix == ".bvh":
         from motionary.formats.read.bvh import read_bvh
 
-        return read_rig(read_bvh(rig))
+        with foreseen(rig, "cannot be read as a character (damaged?)"):
+            return read_rig(read_bvh(rig))
     if suffix == ".glb":
         from motionary.formats.write.glb_rig import Character
 
-        return Character.read(rig).rig
+        with foreseen(rig, "cannot be read as a character (damaged?)"):
+            return Character.read(rig).rig
     raise InputError("rig", rig, "must be a .bvh or .glb file, a motion or a skeleton")

@@ -9,10 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from motionary.errors import InputError, InputWarning
-from motionary.formats.dispatch import function_of, given
+from motionary.formats.dispatch import foreseen, function_of, given
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.motion import Motion
 
@@ -85,18 +83,11 @@ def read_motion_with(
 def _read(
     reader: Callable[..., tuple[Motion, Reading]], path: Path, how: ReadingOptions, extra: dict[str, Any]
 ) -> tuple[Motion, Reading]:
-    """What the reader gives; whatever a file makes it fail with becomes one line that names the file and the kind."""
+    """What the reader gives; its complaints name the file."""
     try:
-        # Infinities and NaN are refused where a motion is made; the ways to them need no lines of their own.
-        with np.errstate(all="ignore"):
+        with foreseen(path, "cannot be read as a motion (damaged?)"):
             return reader(path, options=how, **extra)
     except InputError as error:
         if str(path) in error.what or getattr(how.mapping, "where", "mapping") in error.what:
             raise
         raise InputError(f"{path}: {error.what}", error.value, error.rule) from None
-    except OSError:
-        raise
-    except MemoryError:
-        raise InputError(path, "too large", "must fit into this machine's memory") from None
-    except Exception as error:
-        raise InputError(path, f"{type(error).__name__}: {error}", "cannot be read as a motion (damaged?)") from error

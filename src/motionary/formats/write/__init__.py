@@ -6,10 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from motionary.errors import InputError
-from motionary.formats.dispatch import function_of, given
+from motionary.formats.dispatch import foreseen, function_of, given
 from motionary.motion import Motion
 
 WRITERS = {
@@ -61,11 +58,5 @@ def write_motion(
         motion = motion.to(os.fspath(onto))
     writer = function_of(path, WRITERS, "written")
     chosen = given(writer, path, options)
-    try:
-        with np.errstate(all="ignore"):  # a bone without length divides by zero, and is drawn as none
-            return writer(motion, path, force=force, **chosen)
-    except (InputError, OSError):
-        raise
-    except Exception as error:
-        rule = f"this motion cannot be written as {Path(path).suffix}"
-        raise InputError(path, f"{type(error).__name__}: {error}", rule) from error
+    with foreseen(path, f"this motion cannot be written as {Path(path).suffix}"):
+        return writer(motion, path, force=force, **chosen)
