@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from tqdm import tqdm
 
+from motionary.corpus.checks import unforeseen
 from motionary.corpus.clips import Caption, Clip, problem_rows
 from motionary.corpus.config import DataConfig
 from motionary.corpus.context import Context
@@ -195,12 +196,22 @@ class _Build:
         with tqdm(total=len(texts), desc="captions", unit="text", disable=not progress) as bar:
             for i in range(0, len(texts), 1000):
                 part = texts[i : i + 1000]
-                known.update(zip(part, annotate(part), strict=True))
+                known.update(zip(part, self._annotated(part), strict=True))
                 bar.update(len(part))
         return [
             sentence_from_tokens(text, caption.tokens) if caption.tokens and text == caption.text else known[text]
             for _, caption, text in self.captions
         ]
+
+    def _annotated(self, texts: list[str]) -> list[Sentence]:
+        """Sentences of texts; one that no tagger can read has no words, and is a problem, after hours of encoding."""
+        try:
+            return annotate(texts)
+        except Exception as error:
+            if len(texts) > 1:
+                return [sentence for text in texts for sentence in self._annotated([text])]
+            self.problems.append(unforeseen(f"caption {texts[0]!r}", error))
+            return [Sentence(texts[0], (), ())]
 
     def _write_tables(self, kept: list[tuple[int, Caption, str, Sentence]]) -> None:
         table = pa.Table.from_pylist(self.rows, CLIP_SCHEMA)
