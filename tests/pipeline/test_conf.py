@@ -15,7 +15,7 @@ from motionary.pipeline.tracking import flatten
 from motionary.systems.tm2t.tokenizer import TokenizerConfig
 from motionary.training.settings import TrainSettings, model_keys, settings_of
 
-SCALES = ("tiny", "small", "paper")
+SCALES = ("tiny", "small", "paper", "released", "paper_kit", "released_kit")
 
 
 def divided(section):
