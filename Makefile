@@ -6,19 +6,28 @@ BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
-.PHONY: help setup repro test measured check params sweep mlflow app bench fuzz study clean
+.PHONY: help setup lock repro test kills measured check params sweep mlflow app bench fuzz study clean
 
 help:  ## what each target does
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
 
 setup: $(VENV)/.installed  ## the environment, from requirements.lock
 
-$(VENV)/.installed: requirements.lock pyproject.toml
+# Every file that is installed has a hash in the lock, build tools too. pip takes torch, since uv does not know that 2.13.0
+# with the hash of a CPU build is one: from PIP_FIND_LINKS where it lies there, else from the index, with CUDA on Linux.
+locked = <(sed -n '/^$(1)==/,/[^\\]$$/p' requirements.lock)
+PIP_SETUP := -m pip install -q --disable-pip-version-check --require-hashes --no-deps
+UV_SETUP := $(BIN)/uv pip install -q --python $(BIN)/python --no-deps --build-constraints requirements.lock
+
+$(VENV)/.installed: requirements.lock requirements-cuda.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] < (3, 11))' || { echo "error: $(PYTHON) is older than Python 3.11; set PYTHON=python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install -q --disable-pip-version-check uv
-	@UV_FIND_LINKS="$${UV_FIND_LINKS:-$$PIP_FIND_LINKS}" $(BIN)/uv pip install -q --python $(BIN)/python -r requirements.lock
-	@$(BIN)/uv pip install -q --python $(BIN)/python --no-deps -e .
+	@$(BIN)/python $(PIP_SETUP) -r $(call locked,uv)
+	@$(BIN)/python $(PIP_SETUP) --no-index -r $(call locked,torch) 2>/dev/null || $(BIN)/python $(PIP_SETUP) -r $(call locked,torch)
+	@$(UV_SETUP) --require-hashes -r requirements.lock
+	@if $(BIN)/python -c 'import importlib.metadata as m, sys; sys.exit("+" in m.version("torch") or sys.platform != "linux")'; \
+	  then $(UV_SETUP) --require-hashes -r requirements-cuda.lock; fi
+	@$(UV_SETUP) -e .
 	@touch $@
 
 repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus, unless changed)
@@ -29,6 +38,12 @@ repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus
 test: setup  ## all tests, in a browser too, which is installed where there is none
 	@python tests/browser.py
 	@python -m pytest
+
+kills: setup  ## kills the whole pipeline N times on a very small corpus and compares the results (hours; continues where it stopped)
+	@python tests/kills.py --kills $(if $(N),$(N),100)
+
+lock: setup  ## writes requirements.lock anew from pyproject.toml, with hashes; versions stay (UPGRADE=1 takes the newest)
+	@python tests/lock.py $(if $(UPGRADE),--upgrade)
 
 measured: setup  ## reads 200 real clips turned, scaled and mirrored: up, unit and handedness
 	@MOTIONARY_CLIPS=200 python -m pytest tests/formats/read/test_measured.py -k real_clips

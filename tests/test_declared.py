@@ -12,6 +12,7 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+from lock import CPU
 from source_tree import SRC, constants, imported, imports, modules, reached
 
 from motionary.systems.registry import SYSTEMS
@@ -119,6 +120,23 @@ def test_the_lock_pins_all_that_is_declared():
         if "==" in line:
             name, version = line.split("==")
             assert pins[name].split("+")[0] == version
+
+
+@pytest.mark.parametrize("name", ["requirements.lock", "requirements-cuda.lock"])
+def test_everything_that_is_installed_has_hashes(name):
+    blocks = re.split(r"\n(?=\S)", (ROOT / name).read_text().strip())
+    assert len(blocks) > 10
+    for block in blocks:
+        assert re.fullmatch(r"[\w.-]+==[\w.+!-]+( \\\n    --hash=sha256:[0-9a-f]{64})+", block), block[:80]
+
+
+def test_what_cuda_needs_is_apart_and_torch_s_cpu_build_known():
+    everywhere, cuda = ((ROOT / name).read_text() for name in ("requirements.lock", "requirements-cuda.lock"))
+    assert not re.search(r"^(nvidia-|cuda-|triton)", everywhere, re.MULTILINE)
+    assert re.search(r"^nvidia-cudnn", cuda, re.MULTILINE)
+    (version,) = re.findall(r"^torch==(\S+)", everywhere, re.MULTILINE)
+    for digest in CPU[version]:
+        assert f"sha256:{digest}" in everywhere
 
 
 def test_an_import_that_nobody_declared_is_found(tmp_path):
