@@ -69,6 +69,7 @@ app: setup  ## the dictionary in a browser
 bench: setup  ## one-thread times at the papers' shapes
 	@python -m motionary.bench
 	@python -m motionary.bench.threads
+	@python -m motionary.bench.visitors
 
 fuzz: setup  ## damaged inputs of every format, N=3000 of them or as many as fit into SECONDS: none may do more than say one line
 	@PYTHONPATH=$(CURDIR)/tests:$(CURDIR)/src python -m fuzz -n $(or $(N),3000) --seconds $(or $(SECONDS),inf)

@@ -79,12 +79,7 @@ class Project:
     def create(self) -> None:
         """Copies the project as it is now, with the very small configuration."""
         for name in COPIED:
-            source, target = REPOSITORY / name, self.root / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            if source.is_dir():
-                shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-            else:
-                shutil.copy(source, target)
+            self._copy(name)
         micro = {**REST, **{name: values | SHORT for name, values in TRAINED.items()}}
         file = self.root / "conf" / "scale" / "micro.yaml"
         file.write_text(f"# @package _global_\n{json.dumps(micro, indent=1)}\n")
@@ -96,15 +91,20 @@ class Project:
         command = [sys.executable, "-m", "motionary.pipeline.params", "write", *overrides]
         subprocess.run(command, cwd=self.root, env=self.env, check=True)
 
+    def _copy(self, name: str) -> None:
+        source, target = REPOSITORY / name, self.root / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if source.is_dir():
+            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+        else:
+            shutil.copy(source, target)
+
     def clear(self) -> None:
         """Removes all that a run makes."""
         for name in MADE:
             path = self.root / name
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-        self._restore()
-
-    def _restore(self) -> None:
-        subprocess.run(["git", "checkout", "-q", "--", "data"], cwd=self.root, check=True)
+        self._copy("data/sources/.gitignore")
 
     def start(self) -> subprocess.Popen:
         """The run that `make repro` starts; what it says goes to a file."""

