@@ -20,6 +20,7 @@ from motionary.systems.registry import SYSTEMS
 ROOT = SRC.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 OWN = {"motionary", "hydra_plugins", "_project"} | {file.stem for file in (ROOT / "tests").rglob("*.py")}
+OWN |= {folder.name for folder in (ROOT / "tests").iterdir() if folder.is_dir()}  # packages of tests, as the fuzzer
 UNIMPORTED = {  # declared, and used without an import
     "hydra-joblib-launcher": "hydra/launcher=joblib",
     "hydra-submitit-launcher": "hydra/launcher=submitit_slurm, on a cluster",
