@@ -177,6 +177,8 @@ def kill_and_go_on(project: Project, record: dict, seed: int, most: int, until: 
             code = run.wait(seconds)
         except subprocess.TimeoutExpired:
             killed = project.kill(run, victim)
+            if not killed:  # no such process at that moment
+                victim, killed = "all", project.kill(run, "all")
             record["kills"].append({"after": round(seconds, 1), "victim": victim, "killed": killed})
             print(
                 f"kill {number + 1}: {victim} after {seconds:.1f} s: {', '.join(killed) or 'nobody there'}", flush=True
