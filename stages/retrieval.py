@@ -4,6 +4,7 @@ from _project import ROOT  # isort: skip
 import hydra
 
 from motionary.corpus.store import Corpus
+from motionary.evaluation.copies import copy_statistics
 from motionary.pipeline.stage import Stage, run_stage
 from motionary.pipeline.train import trained_inputs
 from motionary.systems.judges.corpus_search import Index
@@ -20,7 +21,8 @@ def main(config):
         motions = judge.motions([corpus.features(i) for i in range(len(corpus))], progress="embed")
         with stage.publish("models/retrieval") as folder:
             Index(motions, judge.hash).save(folder)
-        stage.report({"windows": len(corpus), "evaluator": judge.hash})
+        copies = copy_statistics(corpus)
+        stage.report({"windows": len(corpus), "evaluator": judge.hash, "copies": copies})
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import pytest
 
 from motionary.corpus.store import Corpus
 from motionary.evaluation.confirmation import confirmed
-from motionary.evaluation.generation import score_generator
+from motionary.evaluation.generation import others, score_generator
 from motionary.evaluation.items import Items, sentence_of
 from motionary.evaluation.jury import Jury
 from motionary.evaluation.round_trip import score_reconstructor
@@ -77,6 +77,16 @@ def test_at_the_real_lengths_a_system_that_fails_only_in_length_is_as_good_as_re
     assert held["oracle"]["captions"].keys() == report["oracle"]["captions"].keys()
     lengths = [n for frames in generator.asked if frames is not None for n in frames]
     assert lengths == [len(f) for f in items.features]
+
+
+def test_chance_is_what_the_oracle_says_of_other_items_motions(items):
+    """Each motion is another's, every one is used once, and few of their captions hold."""
+    turned = others(items)
+    assert all(not np.shares_memory(a, b) for a, b in zip(turned, items.features, strict=True))
+    assert sorted(len(f) for f in turned) == sorted(len(f) for f in items.features)
+    oracle = scored(Still(items.corpus.context.dim), items)["oracle"]
+    assert oracle["captions_chance"]["all"]["confirmed"] < oracle["captions_real"]["all"]["confirmed"]
+    assert oracle["captions_chance"]["all"]["checked"] == oracle["captions_real"]["all"]["checked"]
 
 
 def test_real_lengths_cost_one_more_generation_where_they_mean_something_and_none_elsewhere(items):

@@ -24,6 +24,7 @@ PIXEL = bytes.fromhex(
     "89504e470d0a1a0a0000000d49484452000000010000000108000000003a7e9b550000000a49444154789c6360000000020001"
     "48afa4710000000049454e44ae426082"
 )
+CHANCE = "other real motions, drawn"
 PARTS = {"all": np.arange(40), "styled": np.arange(30), "captioned": np.arange(30, 40)}
 
 
@@ -45,6 +46,7 @@ def generator_report(noise: float) -> dict:
         "oracle": {
             "captions": {"all": share, "styled": share},
             "captions_real": {"all": {"confirmed": 0.95, "checked": 20}},
+            "captions_chance": {"all": {"confirmed": 0.0, "checked": 20}},
             "prompts": {"confirmed": 0.6, "samples": 10, "each": {"a person walks <fast>": 0.6}},
         },
         "multimodality": {"mean": 2.0, "half": 0.1, "texts": 4, "samples": 20},
@@ -139,9 +141,11 @@ def test_the_page_is_whole_and_fetches_nothing(reports):
 
 def test_rows_of_the_main_table_say_what_the_reports_say(reports):
     table = tables.text_to_motion(Results.read(reports))
-    assert [row[0] for row in table.rows] == ["real motions", "alpha", "beta"]
+    assert [row[0] for row in table.rows] == ["real motions", CHANCE, "alpha", "beta"]
     report = generator_report(0.5)
-    alpha = dict(zip(table.columns, table.rows[1], strict=True))
+    alpha = dict(zip(table.columns, table.rows[2], strict=True))
+    chance = dict(zip(table.columns, table.rows[1], strict=True))
+    assert (chance["R@1"], chance["Oracle: captions"], chance["Foot skating, m/s"]) == ("-", "0.0%", "-")
     first = report["generation"]["all"]["r1"]
     assert alpha["R@1"] == (f"{first['mean']:.3f} ± {first['half']:.3f}" if first["half"] else f"{first['mean']:.3f}")
     assert alpha["FID"].startswith(f"{report['generation']['all']['fid']['mean']:.3f}")
@@ -177,8 +181,8 @@ def test_reconstructed_motions_stand_among_the_generated(reports):
     decoded["reconstruction_oracle"] = {"all": {"confirmed": 0.75, "checked": 8}}
     (reports / "evaluation" / "codec.json").write_text(json.dumps(decoded))
     table = tables.text_to_motion(Results.read(reports))
-    assert [row[0] for row in table.rows] == ["real motions", "real, through codec", "alpha", "beta"]
-    row = dict(zip(table.columns, table.rows[1], strict=True))
+    assert [row[0] for row in table.rows] == ["real motions", CHANCE, "real, through codec", "alpha", "beta"]
+    row = dict(zip(table.columns, table.rows[2], strict=True))
     assert (row["Multimodality"], row["Oracle: captions"], row["Oracle: prompts"]) == ("-", "75.0%", "-")
     assert tables.reconstruction(Results.read(reports)).rows[0][:6] == [
         "tokenizer", "all", "9", "31.2", "40.0", "200.0",
@@ -194,8 +198,8 @@ def test_motions_at_the_real_lengths_are_a_row_below_the_system_s_own(reports):
     (reports / "evaluation" / "alpha.json").write_text(json.dumps(alpha))
     results = Results.read(reports)
     table = tables.text_to_motion(results)
-    assert [row[0] for row in table.rows] == ["real motions", "alpha", "alpha with real lengths", "beta"]
-    row = dict(zip(table.columns, table.rows[2], strict=True))
+    assert [row[0] for row in table.rows] == ["real motions", CHANCE, "alpha", "alpha with real lengths", "beta"]
+    row = dict(zip(table.columns, table.rows[3], strict=True))
     assert row["R@1"].startswith(f"{judged(0.2)['all']['r1']['mean']:.3f}")
     assert (row["Multimodality"], row["Oracle: captions"], row["Foot skating, m/s"]) == ("-", "85.0%", "0.050")
     assert len(tables.text_to_motion(results, "styled").rows) == 4

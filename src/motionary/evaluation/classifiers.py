@@ -1,4 +1,4 @@
-"""What the style and content classifiers make of real motions, of combinations that they never saw."""
+"""What the style and content classifiers make of real motions, of combinations that they were not trained on."""
 
 from __future__ import annotations
 

@@ -58,6 +58,7 @@ def score_generator(
     report["physics"]["real"] = plausibility(items, items.features)
     report["oracle"] |= {
         "captions_real": confirmed(items, first.sentences, items.features, first.parts),
+        "captions_chance": confirmed(items, first.sentences, others(items), first.parts),
         "prompts": _prompts(generator, items, protocol, seed),
     }
     if nearest is not None:
@@ -162,6 +163,14 @@ def _spreads(features: np.ndarray, protocol: Protocol) -> Interval:
     """Multimodality of features (texts, samples, E) over the repetitions."""
     pairs, draws = protocol.multimodality_pairs, range(protocol.repetitions)
     return interval([multimodality(features, pairs, np.random.default_rng([r, 37])) for r in draws])
+
+
+def others(items: Items) -> list[np.ndarray]:
+    """For each item the motion of another, drawn once: what the oracle confirms of these it confirms by chance."""
+    order = np.random.default_rng(41).permutation(len(items))
+    chosen = np.empty_like(order)
+    chosen[order] = np.roll(order, 1)
+    return [items.features[i] for i in chosen]
 
 
 def nearest_distance(features: np.ndarray, training: np.ndarray) -> dict[str, float]:

@@ -11,6 +11,7 @@ from string import Template
 from typing import Any
 
 from motionary.report import caption_tables, tables
+from motionary.report.copy_tables import copies
 from motionary.report.corpus_table import corpus_tables
 from motionary.report.physics_tables import physics_tables
 from motionary.report.players import Example, players_html
@@ -102,6 +103,7 @@ def _results(results: Results) -> str:
             tables.reconstruction(results),
             tables.lengths(results),
             tables.nearest_training(results),
+            copies(results),
         ]
     )
     if body:

@@ -33,7 +33,9 @@ def stylization_tables(results: Results) -> list[Table]:
             styles = f" Style accuracy is the mean over {len(report['styles'])} styles." if report.get("styles") else ""
             note = (
                 f"{found['items']} of {found['pool']} contents in each of {report['repetitions']} repetitions; ± is "
-                f"the 95% interval. {NOTES.get(part, part)}.{styles} (S) learned with style labels, (U) without."
+                f"the 95% interval. {NOTES.get(part, part)}.{styles} (S) learned with style labels, (U) without. "
+                "Style FID: mean over the styles of the distance to real motions of each, of few motions and so not "
+                "comparable with one over all. The real motions of the target cell may be of the classifiers' training."
             )
             rows = [[row[i] for i in kept] for row in rows]
             tables.append(Table(f"Stylization: {part}", [columns[i] for i in kept], rows, note))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from motionary.errors import InputError
 from motionary.report import caption_tables, tables
+from motionary.report.copy_tables import copies
 from motionary.report.physics_tables import physics_tables
 from motionary.report.results import Results
 from motionary.report.style_tables import classifiers_table, stylization_tables
@@ -42,6 +43,7 @@ def markdown(reports: Path) -> str:
         *physics_tables(results),
         *styled,
         tables.nearest_training(results),
+        copies(results),
         *tables.parts_tables(results),
     ]
     return "\n".join(table.markdown() for table in (*main_tables(results), *extra) if table is not None)

@@ -47,6 +47,9 @@ def text_to_motion(results: Results, part: str = "all", judge: str | None = None
     skating = show(at(first, "physics", "real", "foot_skating"))
     real_more = (NONE, real_oracle, NONE, skating) if whole else (real_oracle,)
     rows = [row("real motions", at(first, "real", part), *real_more)]
+    chance = at(first, "oracle", "captions_chance", part, "confirmed")
+    if chance is not None:
+        rows.append(row("other real motions, drawn", None, *([NONE] * whole), percent(chance)))
     for name, report in decoded.items():
         captions = percent(at(report, "reconstruction_oracle", part, "confirmed"))
         rows.append(row(f"real, through {name}", report["reconstruction"][part], *([NONE] * whole), captions))
