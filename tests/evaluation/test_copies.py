@@ -38,7 +38,7 @@ def test_a_window_is_its_own_nearest_at_any_length_place_and_heading(corpus):
         c, s = np.cos(turn), np.sin(turn)
         positions = positions @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
         moved = canonicalize(Motion(positions.astype(np.float32), 20.0, skeleton)).positions
-        return made.encode(Motion([*moved, 0, lift, 0], 20.0, skeleton))
+        return made.encode(Motion(moved + np.array([0, lift, 0], np.float32), 20.0, skeleton))
 
     windows = [features(160), features(80, turn=1.0, walk=2.0), features(160, lift=0.01), features(120, lift=1.0)]
     length = np.array([len(w) for w in windows])
