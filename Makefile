@@ -35,9 +35,9 @@ repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus
 	@python -m motionary.pipeline.repro $(if $(JOBS),--jobs $(JOBS))
 	@python -m motionary.report.summary
 
-test: setup  ## all tests, in a browser too, which is installed where there is none
+test: setup  ## all tests, on every core, in a browser too, which is installed where there is none
 	@python tests/browser.py
-	@python -m pytest
+	@python -m pytest --numprocesses logical --dist loadfile
 
 kills: setup  ## kills the whole pipeline N times on a very small corpus and compares the results (hours; continues where it stopped)
 	@python tests/kills.py --kills $(if $(N),$(N),100)

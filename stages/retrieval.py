@@ -22,7 +22,7 @@ def main(config):
         with stage.publish("models/retrieval") as folder:
             Index(motions, judge.hash).save(folder)
         copies = copy_statistics(corpus)
-        stage.report({"windows": len(corpus), "evaluator": judge.hash, "copies": copies})
+        stage.report({"windows": len(corpus), "judge": judge.hash, "copies": copies})
 
 
 if __name__ == "__main__":

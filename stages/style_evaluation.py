@@ -38,7 +38,7 @@ def main(config):
         render_strip(motions, strip, captions, width=105, height=150)
         stage.tracker.artifact(strip, "figures")
         labels = [split.styles[i] for i in split.scored]
-        about = {"evaluator": judge.hash, "corpus": corpus.hash, "styles": labels, "repetitions": protocol.repetitions}
+        about = {"judge": judge.hash, "corpus": corpus.hash, "styles": labels, "repetitions": protocol.repetitions}
         stage.report({**about, "style_transfer": found})
 
 

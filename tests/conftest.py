@@ -20,7 +20,9 @@ SHARED_DATA = REPOSITORY.parent / "shared" / "data"
 
 
 def pytest_collection_modifyitems(items):
-    """Real-data tests run whenever the folder is there; where it is not, they say what is missing."""
+    """The files that take longest come first, so that no worker is left with them at the end. Real-data tests run
+    whenever the folder is there; where it is not, they say what is missing."""
+    items.sort(key=lambda item: item.path.parent.name not in ("pipeline", "study", "app"))
     if SHARED_DATA.is_dir():
         return
     missing = pytest.mark.skip(reason="real clips not found at ../shared/data")

@@ -83,6 +83,30 @@ def agree(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> None:
         torch.testing.assert_close(a[name], b[name], rtol=1e-5, atol=1e-5, msg=name)
 
 
+def of_a_codec(hide: bool, outputs: int, context: Context, shuffled: Context) -> dict[str, dict[int, np.ndarray]]:
+    """The weights of a network from features to features that move with the columns; `outputs` is that dimension of
+    the decoder's second convolution which holds them."""
+    out = rearranged((), context, shuffled)
+    return {
+        "encoder.first.convolution.weight": {1: rearranged(("contacts",) if hide else (), context, shuffled)},
+        "decoder.second.convolution.weight": {outputs: out},
+        "decoder.second.convolution.bias": {0: out},
+        "decoder.output.weight": {0: out, 1: out},
+        "decoder.output.bias": {0: out},
+    }
+
+
+def same_both_ways(plain, other, batch: Batch) -> torch.Tensor:
+    """The codes of a batch, after both networks gave the same codes, motions and validation values."""
+    theirs, out = other_batch(batch, other.context), rearranged((), plain.context, other.context)
+    codes = plain.encode(batch.motion, batch.frames)
+    torch.testing.assert_close(other.encode(theirs.motion, batch.frames), codes, rtol=1e-5, atol=1e-5)
+    expected = plain.decode(codes, batch.frames // 4)[..., out]
+    torch.testing.assert_close(other.decode(codes, batch.frames // 4), expected, rtol=1e-5, atol=1e-5)
+    agree(plain.validate(batch), other.validate(theirs))
+    return codes
+
+
 def test_columns_are_a_view_where_they_can_be():
     slices = {"b": slice(2, 4), "a": slice(0, 2), "c": slice(4, 7)}
     assert columns(slices, ["a", "b"]) == slice(0, 4)
@@ -118,23 +142,10 @@ def test_tokenizer(context, shuffled, batch, hide):
     )
     with seeded(0):
         plain, other = Tokenizer(settings, context).eval(), Tokenizer(settings, shuffled).eval()
-    seen = rearranged(("contacts",) if hide else (), context, shuffled)
-    out = rearranged((), context, shuffled)
-    moved = {
-        "encoder.first.convolution.weight": {1: seen},
-        "decoder.second.convolution.weight": {0: out},
-        "decoder.second.convolution.bias": {0: out},
-        "decoder.output.weight": {0: out, 1: out},
-        "decoder.output.bias": {0: out},
-    }
-    give(other, plain, moved)
-    theirs = other_batch(batch, shuffled)
-    codes = plain.encode(batch.motion, batch.frames)
+    give(other, plain, of_a_codec(hide, 0, context, shuffled))
+    codes = same_both_ways(plain, other, batch)
     assert len(codes.unique()) > 3
-    assert torch.equal(codes, other.encode(theirs.motion, batch.frames))
-    expected = plain.decode(codes, batch.frames // 4)[..., out]
-    torch.testing.assert_close(other.decode(codes, batch.frames // 4), expected, rtol=1e-5, atol=1e-5)
-    agree(plain.validate(batch), other.validate(theirs))
+    assert torch.equal(codes, other.encode(other_batch(batch, shuffled).motion, batch.frames))
 
 
 @pytest.mark.parametrize("hide", [True, False])
@@ -142,22 +153,8 @@ def test_autoencoder(context, shuffled, batch, hide):
     settings = AutoencoderConfig(width=32, code_dim=16, hide_contacts=hide, position_weight=2.0, berhu_threshold=0.5)
     with seeded(0):
         plain, other = Autoencoder(settings, context).eval(), Autoencoder(settings, shuffled).eval()
-    seen = rearranged(("contacts",) if hide else (), context, shuffled)
-    out = rearranged((), context, shuffled)
-    moved = {
-        "encoder.first.convolution.weight": {1: seen},
-        "decoder.second.convolution.weight": {1: out},
-        "decoder.second.convolution.bias": {0: out},
-        "decoder.output.weight": {0: out, 1: out},
-        "decoder.output.bias": {0: out},
-    }
-    give(other, plain, moved)
-    theirs = other_batch(batch, shuffled)
-    codes = plain.encode(batch.motion, batch.frames)
-    torch.testing.assert_close(other.encode(theirs.motion, batch.frames), codes, rtol=1e-5, atol=1e-5)
-    expected = plain.decode(codes, batch.frames // 4)[..., out]
-    torch.testing.assert_close(other.decode(codes, batch.frames // 4), expected, rtol=1e-5, atol=1e-5)
-    agree(plain.validate(batch), other.validate(theirs))
+    give(other, plain, of_a_codec(hide, 1, context, shuffled))
+    same_both_ways(plain, other, batch)
 
 
 def test_evaluator(context, shuffled, batch):

@@ -37,7 +37,17 @@ class TextToMotion(Protocol):
         frames: Sequence[int] | None = None,
         **options: float,
     ) -> Sequence[Made]:
-        """One motion a sentence, never empty; equal sentence, seed and options give an equal motion."""
+        """A motion for each sentence.
+
+        Args:
+            sentences: normalized texts.
+            seeds: one per sentence; equal sentence, seed and options give an equal motion.
+            frames: lengths to hold, from one unit to the longest window; otherwise the system decides.
+            options: of the system: temperature, top_k, top_p, guidance, greedy.
+
+        Returns:
+            raw features (T, D) float32 of each motion, or a `Motion` each; never empty.
+        """
         ...
 
 
@@ -63,7 +73,20 @@ class MotionToText(Protocol):
         temperature: float | None = None,
         consensus: int = 0,
     ) -> list[list[str]]:
-        """n captions of each motion, best first: normalized words, or words as people write them."""
+        """n captions for each motion.
+
+        Args:
+            features: raw features (T, D) of each motion.
+            beams: of beam search, which is used unless `temperature` is given (TM2T 4.3: 2).
+            n: captions per motion, best first.
+            seeds: one per motion, of whatever is drawn for it (0 where not given).
+            temperature: draw the captions at this temperature instead.
+            consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
+                search alone (the paper's).
+
+        Returns:
+            for each motion, its captions: words joined by spaces, normalized or as people write them.
+        """
         ...
 
 

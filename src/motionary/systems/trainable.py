@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,12 +14,13 @@ from motionary.corpus.batch import Batch
 Loss = tuple[Tensor, dict[str, Tensor]]  # a scalar, and detached values to log
 
 
-class Trainable(nn.Module):
+class Trainable(nn.Module, ABC):
     """A network that says what it is trained to do; it knows nothing of steps, devices and checkpoints.
 
     A network names in `loss` and `validate` what it reads of a batch by a protocol of :mod:`motionary.corpus.batch`.
     """
 
+    @abstractmethod
     def loss(self, batch: Batch, progress: float, generator: torch.Generator) -> Loss:
         """What is made small, and values to log.
 
@@ -27,7 +29,7 @@ class Trainable(nn.Module):
             progress: from 0 to 1 over the training.
             generator: of everything that the loss draws, apart from dropout.
         """
-        raise NotImplementedError(f"{type(self).__name__} has no loss")
+        ...
 
     @torch.no_grad()
     def validate(self, batch: Batch) -> dict[str, Tensor]:

@@ -35,18 +35,13 @@ class MotionGenerator:
         greedy: bool = False,
         **unused: float,
     ) -> list[np.ndarray]:
-        """A motion for each sentence.
+        """Raw features (T, D) for each sentence, as :meth:`TextToMotion.generate` says.
 
         Args:
-            sentences: normalized texts.
-            seeds: one per sentence; equal sentence, seed and options give equal motion.
-            frames: lengths to hold, from one unit to the longest window; otherwise text2length draws them.
+            frames: where not given, text2length draws them.
             temperature: factor on the deviation of the latent draws.
             greedy: the likeliest length and the mean latent in place of draws.
             unused: options of systems that write tokens (top_k, top_p, guidance).
-
-        Returns:
-            raw features (T, D) float32 of each motion, never empty.
         """
         check_seeds(sentences, seeds)
         if temperature is not None and not temperature > 0:

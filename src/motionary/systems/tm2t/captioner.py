@@ -42,22 +42,10 @@ class Captioner:
         temperature: float | None = None,
         consensus: int = 0,
     ) -> list[list[str]]:
-        """n captions for each motion.
+        """n captions for each motion (T, D), as :meth:`MotionToText.caption` says.
 
-        Args:
-            features: raw features (T, D) of each motion.
-            beams: of beam search, which is used unless `temperature` is given (TM2T 4.3: 2).
-            n: captions per motion, best first.
-            seeds: one per motion, of whatever is drawn for it (0 where not given).
-            temperature: draw the captions at this temperature instead.
-            consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
-                search alone (the paper's).
-
-        Beam search takes the mean probability of each word over the members and over the `shifts` that they were
+        Beam search takes the mean probability of each word over the members and over the `offsets` that they were
         trained with; draws take turns.
-
-        Returns:
-            for each motion, its captions: words joined by spaces, normalized or as people write them.
         """
         for number, array in enumerate(features):
             if array.ndim != 2 or array.shape[1] != len(self.context.mean) or len(array) < 1:

@@ -65,18 +65,8 @@ class TokenGenerator:
         frames: Sequence[int] | None = None,
         **options: float,
     ) -> list[np.ndarray]:
-        """A motion for each sentence.
-
-        Args:
-            sentences: normalized texts.
-            seeds: one per sentence; equal sentence, seed and options give equal motion.
-            frames: lengths to hold, from one unit to the longest window; otherwise the end token decides, at most
-                after `most_tokens`.
-            options: temperature, top_k, top_p, guidance, greedy.
-
-        Returns:
-            raw features (T, D) float32 of each motion, never empty.
-        """
+        """Raw features (T, D) for each sentence, as :meth:`TextToMotion.generate` says; without `frames` the end token
+        decides, at most after `most_tokens`."""
         results: list[np.ndarray] = []
         wanted = None if frames is None else check_frames(self.context, sentences, frames)
         for option in options:
