@@ -235,7 +235,11 @@ def main() -> int:
         record = {"results": project.results(), "kills": [], "failed": [], "passes": [], "open": False}
         file.write_text(json.dumps(record, indent=1))
     record = json.loads(file.read_text())
-    passes(project, record, file, options.seed, options.kills, until)
+    try:
+        passes(project, record, file, options.seed, options.kills, until)
+    finally:
+        for process in project.processes():  # interrupted: what runs goes along
+            process.kill()
     bad = [entry for entry in record["passes"] if entry["differ"] or entry["left"]]
     print(
         f"{len(record['kills'])} kills, {len(record['passes'])} passes of {len(record['results'])} files compared, "
