@@ -1,6 +1,7 @@
 """Rotations on numpy arrays of any leading shape, with roma's names: unit quaternions xyzw and 3x3 matrices.
 
-roma itself is imported late, and only to interpolate: it brings torch, and reading or writing a file needs no torch.
+roma itself brings torch and its compiler, which take seconds to import; reading, writing and resampling need neither.
+The tests hold these functions against roma and scipy.
 """
 
 from __future__ import annotations
@@ -53,15 +54,15 @@ def quat_continuation(q: np.ndarray) -> np.ndarray:
 
 def unitquat_slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Quaternions a share (T,) of the shorter way from start (T, J, 4) to end (T, J, 4), float64."""
-    import roma
-    import torch
-
-    a, b = (torch.from_numpy(np.asarray(q, dtype=np.float64)) for q in (start, end))
-    steps = torch.from_numpy(np.asarray(share, dtype=np.float64))
-    # roma.unitquat_slerp takes every step for every rotation; frames are interpolated one step each.
-    angle = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(a), b), shortest_arc=True)
-    turned = roma.quat_product(a, roma.rotvec_to_unitquat(angle * steps[:, None, None]))
-    return roma.quat_normalize(turned).numpy()
+    a, b = (np.asarray(q, np.float64) for q in (start, end))
+    way = quat_product(quat_conjugation(a), b)
+    way = np.where(way[..., 3:] < 0, -way, way)
+    sine = np.linalg.norm(way[..., :3], axis=-1, keepdims=True)
+    half, step = np.arctan2(sine, way[..., 3:]), np.asarray(share, np.float64)[:, None, None]
+    # Where both are one rotation, its axis has no length and every share of the way is the share of nothing.
+    scale = np.where(sine > 1e-12, np.sin(step * half) / np.maximum(sine, 1e-12), step)
+    turned = quat_product(a, np.concatenate([way[..., :3] * scale, np.cos(step * half)], axis=-1))
+    return turned / np.linalg.norm(turned, axis=-1, keepdims=True)
 
 
 def unitquat_to_rotmat(q: np.ndarray) -> np.ndarray:
