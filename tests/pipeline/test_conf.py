@@ -1,6 +1,8 @@
 """Configuration: what is committed is what conf/ composes, and no name breaks DVC."""
 
+import dataclasses
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +14,7 @@ from motionary.corpus.config import DataConfig
 from motionary.errors import InputError, configure
 from motionary.pipeline.params import differences, write_params
 from motionary.pipeline.tracking import flatten
+from motionary.systems.registry import known
 from motionary.systems.tm2t.tokenizer import TokenizerConfig
 from motionary.training.settings import TrainSettings, model_keys, settings_of
 
@@ -84,6 +87,16 @@ def test_bad_values_name_their_key(repository, changes, named):
     section = {**yaml.safe_load((repository / "params.yaml").read_text())["tokenizer"], **changes}
     with pytest.raises(InputError, match=named.replace(".", r"\.")):
         divided(section)
+
+
+@pytest.mark.parametrize("name", [name for name, system in known().items() if system.config])
+def test_a_setting_is_explained_where_it_stands_and_nowhere_else(repository, name):
+    text, config = (repository / "conf" / f"{name}.yaml").read_text(), known()[name].load(known()[name].config)
+    fields = {field.name for field in dataclasses.fields(config)}
+    lines = {line.split(":")[0]: line for line in text.splitlines() if re.match(r"\w+:", line)}
+    assert [key for key, line in lines.items() if key in fields and "#" not in line] == []
+    documented = re.findall(r"^ *([\w, ]+): ", config.__doc__ or "", re.MULTILINE)
+    assert {key for keys in documented for key in keys.split(", ")} & lines.keys() == set()
 
 
 def test_division_loses_no_key(repository):

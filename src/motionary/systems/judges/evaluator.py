@@ -27,19 +27,10 @@ TEXTS = ("words", "sentence")
 
 @dataclass(frozen=True)
 class EvaluatorConfig:
-    """Attributes:
-    text_width: hidden units of each direction of the text GRU.
-    motion_width: the same of the motion GRU.
-    dim: dimensions of both embeddings.
-    word_dim: dimensions of the word vectors.
-    tags: word classes are embedded beside the words.
-    dropout: of word features, snippet codes and sentence features.
-    objective: "margin" is Eq. 8; "infonce" is symmetric InfoNCE without equal captions as negatives.
-    margin: least distance of mismatched pairs (Eq. 8).
-    temperature: divides the cosines of InfoNCE.
-    radius: with "infonce" embeddings lie on a sphere of this radius.
-    snippet_width, snippet_dim, hide_contacts: of the autoencoder whose frozen codes the motion branch reads.
-    text: "words" learns word vectors (the papers); "sentence" reads the frozen language model's token states.
+    """Settings of the evaluator (TM2T Eq. 8); conf/evaluator.yaml explains each.
+
+    Attributes:
+        snippet_width, snippet_dim, hide_contacts: of the autoencoder whose frozen codes the motion branch reads.
     """
 
     text_width: int = 256

@@ -29,20 +29,7 @@ from motionary.systems.trainable import Loss, Trainable
 
 @dataclass(frozen=True)
 class JointEvaluatorConfig:
-    """Attributes:
-    width: channels of both branches.
-    num_layers: attention layers of each branch.
-    num_heads: of each layer.
-    dim: dimensions of both embeddings.
-    rate: steps a second at which joints are read.
-    dropout: of both branches.
-    temperature: divides the cosines (TMR: 0.1).
-    alike: texts whose sentence embeddings have a cosine above this are no negatives of each other (TMR: 0.8; 1 keeps
-        all but equal captions).
-    tempo: training reads a motion up to this share faster or slower.
-    bones: deviation of the logarithm of bone lengths in training.
-    radius: embeddings lie on a sphere of this radius.
-    """
+    """Settings of the second judge; conf/joint_evaluator.yaml explains each."""
 
     width: int = 192
     num_layers: int = 2

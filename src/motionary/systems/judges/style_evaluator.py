@@ -26,16 +26,10 @@ from motionary.systems.trainable import Trainable
 
 @dataclass(frozen=True)
 class StyleEvaluatorConfig:
-    """Attributes:
-    width: channels of both classifiers.
-    dim: dimensions of their features, which lie on the unit sphere.
-    dropout: of the channels before pooling.
-    noise: deviation of the noise on normalized features in training; generated motion is less smooth than real one.
-    group_dropout: share of the draws in which a group of features (root, positions, rotations, ...) is hidden, so that
-        no verdict rests on one of them.
-    label_smoothing: of the cross-entropy.
-    scale: of the cosines between features and classes.
-    trained: False where the corpus has no style labels; such an evaluator answers nothing.
+    """Settings of the judges of stylization; conf/style_evaluator.yaml explains each.
+
+    Attributes:
+        trained: False where the corpus has no style labels; such an evaluator answers nothing.
     """
 
     width: int = 128

@@ -22,10 +22,7 @@ from motionary.systems.trainable import Loss, Trainable
 
 @dataclass(frozen=True)
 class GlobalMotionConfig:
-    """Attributes:
-    width: channels of the two hidden layers.
-    kernel: frames that each of the three layers sees; odd.
-    """
+    """Settings of the prediction of global motion (thesis 5.2.2); conf/global_motion.yaml explains each."""
 
     width: int = 128
     kernel: int = 3

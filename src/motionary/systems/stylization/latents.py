@@ -25,15 +25,7 @@ LARGEST = 4.0  # of a log-variance, either way: beyond, one odd clip's noise thr
 
 @dataclass(frozen=True)
 class LatentsConfig:
-    """Attributes:
-    variant: "V", a variational autoencoder with a light KL term; "A", a plain one with L1 penalties on the codes'
-        magnitude and smoothness; "none", the ablation "w/o latent": the code of four frames is these frames
-        themselves, side by side, and nothing is trained.
-    width: channels between the two convolutions.
-    code_dim: dimensions of a code, D_z.
-    kl_weight: weight of V's divergence from the standard normal, lambda_kl^l.
-    sparsity_weight, smoothness_weight: weights of A's penalties, lambda_l1 and lambda_sms.
-    """
+    """Settings of the motion codes that stylization works on (thesis 5.2.1); conf/latents.yaml explains each."""
 
     variant: str = "V"
     width: int = 512

@@ -25,20 +25,15 @@ STRIDE = 2 * UNIT  # frames of one step of content
 
 @dataclass(frozen=True)
 class StylizationConfig:
-    """Settings of one stylizer; the weights' defaults are the thesis's supervised ones (5.3).
+    """Settings of one stylizer; conf/stylization.yaml explains each.
 
     Attributes:
         labels: styles that the style encoder and the generator are told; 0 is the unsupervised scheme, which drops
             the label and nothing else.
-        width: channels of the three networks.
-        content_dim, style_dim: D_c and D_s, dimensions of a content step and of the style code.
-        num_blocks: residual blocks of the content encoder and of the generator.
-        hsa, cycle, kl: lambda_hsa, lambda_cyc, lambda_kl. Reconstructions are means over valid steps and features,
-            divergences means over the style code's dimensions, in place of sums: so the weights mean the same at any
-            size (with sums, those of the supervised setting leave nothing in the style code).
-        latent_weight: of the reconstruction of codes beside that of motion (Eq. 5.1, 5.3: 1).
+        hsa, cycle, kl: lambda_hsa, lambda_cyc, lambda_kl of its scheme. Reconstructions are means over valid steps and
+            features, divergences means over the style code's dimensions, in place of sums: so the weights mean the
+            same at any size (with sums, those of the supervised setting leave nothing in the style code).
         variant, latent_width, code_dim: of the frozen autoencoder (the stage takes them from there).
-        window: frames that it learned style on.
     """
 
     labels: int = 0

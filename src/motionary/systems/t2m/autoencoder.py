@@ -20,15 +20,7 @@ from motionary.systems.trainable import Loss, Trainable
 
 @dataclass(frozen=True)
 class AutoencoderConfig:
-    """Attributes:
-    width: channels between the two convolutions.
-    code_dim: dimensions of a snippet code.
-    sparsity_weight: weight of the codes' L1 norm (Eq. 4.2); 0 leaves the term out.
-    smoothness_weight: weight of the L1 norm of the difference of neighbouring codes (Eq. 4.2); 0 leaves it out.
-    hide_contacts: the encoder does not see the foot contacts, the decoder predicts them.
-    position_weight: extra weight of the local joint positions in the reconstruction (0: the thesis).
-    berhu_threshold: see :func:`distance` (0: the thesis).
-    """
+    """Settings of the snippet codes (thesis 4.2.1); conf/autoencoder.yaml explains each."""
 
     width: int = 512
     code_dim: int = 512

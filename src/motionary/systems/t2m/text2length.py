@@ -25,16 +25,7 @@ LENGTH_STREAM = 1  # beside a generation's own seed, so that drawing a length le
 
 @dataclass(frozen=True)
 class Text2LengthConfig:
-    """Settings of the length distribution; the defaults are those of the released implementation.
-
-    Attributes:
-        word_dim, text_width: of the text encoder; text_width is one direction of its GRU.
-        tags: read word classes in addition to words.
-        dropout: on embedded words and on the sentence feature.
-        word_dropout: share of words that are unknown while training, so that unknown words can be met.
-        target_std: the target is a bell of this standard deviation, in units, around the true length; 0 is the thesis's
-            plain cross-entropy, which takes a length one unit off for as wrong as any other.
-    """
+    """Settings of the length distribution, here those of the released implementation; conf/text2length.yaml explains each."""
 
     word_dim: int = 300
     text_width: int = 512

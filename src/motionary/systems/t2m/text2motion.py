@@ -22,28 +22,9 @@ from motionary.systems.trainable import Loss, Trainable
 
 @dataclass(frozen=True)
 class Text2MotionConfig:
-    """Settings of the temporal VAE; the defaults are the thesis's (4.4).
+    """Settings of the temporal VAE, here the thesis's (4.4); conf/text2motion.yaml explains each.
 
     Attributes:
-        word_dim, text_width: of the text encoder; text_width is one direction of its GRU.
-        width: of the three GRUs.
-        attention_width: of the attended words.
-        latent: dimensions of z.
-        snippets: False is the row "w/o SnC" of Table 4.4: single normalized poses in place of snippet codes.
-        attention: False is "w/o Att": the sentence then acts through the initial states alone.
-        tags: False is "w/o PoS".
-        positions: False is "w/o PoE".
-        dropout: on word features and on the codes that are read (thesis: 0).
-        word_dropout: share of words that are unknown while training, so that unknown words can be met (thesis: 0).
-        motion_weight, kl_weight: lambda_mot and lambda_KL of Eq. 4.6. Its sums are means here, over valid steps and
-            features; the KL term is the sum over z's dimensions, averaged over steps.
-        teacher_forcing: probability that a sequence reads the true codes and not its own.
-        decoder_rate: factor on the motion decoder's learning rate; 0 freezes it.
-        curriculum_start, curriculum_add: codes of the first stage (T_cur), and how many each later stage appends.
-        curriculum_patience: most validations of a stage; before, it ends when the validation's reconstruction rises.
-        curriculum_share: part of the training by which all codes are learned at the latest, the stages so far spread
-            evenly; 0 leaves it to the validation alone, as in the thesis.
-        temperature: factor on the prior's standard deviation, where a call does not say otherwise.
         snippet_width, snippet_dim, hide_contacts: of the autoencoder (the stage takes them from there).
     """
 

@@ -20,15 +20,8 @@ from motionary.systems.trainable import Loss
 
 @dataclass(frozen=True)
 class InverseAlignmentConfig(Text2TokenConfig):
-    """Settings of text2token, which it starts from, and of the second term of Eq. 7.
-
-    Attributes:
-        alignment: False trains on without the second term: the control that any gain must be judged against.
-        caption_weight: of the captions' loss per word beside the tokens' loss per token. (Eq. 7 sums both over their
-            sequences; with means, 1 gives the paper's balance where there are as many words as tokens.)
-        gumbel_temperature: of the relaxed samples; the forward pass is one-hot at any temperature.
-        sampled_share: share of each batch that is sampled and captioned; below 1 a step costs less.
-    """
+    """Settings of text2token, which it starts from, and of the second term of Eq. 7; conf/inverse_alignment.yaml
+    explains these."""
 
     section: ClassVar[str] = "inverse_alignment"
 

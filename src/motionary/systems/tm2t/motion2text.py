@@ -21,27 +21,10 @@ WORDINGS = ("normalized", "written")
 
 @dataclass(frozen=True)
 class Motion2TextConfig:
-    """Settings of the captioner; the defaults are the paper's (appendix B).
+    """Settings of the captioner, here the paper's (appendix B); conf/motion2text.yaml explains each.
 
     Attributes:
-        codebook_size: size of the tokenizer's codebook (the stage takes it from there).
-        tokenizer: name of the system whose tokens are read.
-        tokens: read motion tokens; False is the ablation of Table 1, which reads the features themselves.
-        pose_frames: without tokens, frames that one position of the source holds: 1 reads pose after pose, the
-            corpus's unit of frames gives sources as short as those of tokens.
-        width, num_layers, dim_feedforward, num_heads: of the Transformer, `layers` in encoder and decoder each.
-        dropout: on embeddings and branches.
-        label_smoothing: share of the target's probability spread over all words (0 in the paper).
-        token_dropout: share of motion tokens hidden from the encoder while training (0 in the paper).
-        start_from_codebook: token embeddings start as the tokenizer's codebook, codes of like motion alike (False in
-            the paper: at random).
-        offsets: first frames from which a motion is cut into units: training draws one, decoding averages what all of
-            them predict (1 in the paper), since which frames share a unit is chance.
-        ensemble: captioners that are trained apart, each with its own seed, and average what they predict (1 in the
-            paper). Inverse alignment learns from the first.
-        max_words: longest caption.
-        wording: "normalized" (the paper: no tense, no plural), or "written": captions as people wrote them. Inverse
-            alignment learns from a captioner of normalized words.
+        codebook_size: of the tokenizer (the stage takes it from there).
     """
 
     codebook_size: int

@@ -21,27 +21,10 @@ from motionary.systems.trainable import Loss, Trainable
 
 @dataclass(frozen=True)
 class Text2TokenConfig:
-    """Settings of the generator; the defaults are the paper's (appendix B, Table 3).
+    """Settings of the generator, here the paper's (appendix B, Table 3); conf/text2token.yaml explains each.
 
     Attributes:
-        codebook_size: size of the tokenizer's codebook (the stage takes it from there).
-        tokenizer: name of the system whose tokens are written.
-        architecture: "gru", or "transformer" for the baseline (T).
-        word_dim, text_width: of the text encoder; text_width is one direction of its GRU.
-        width: of the token GRU, or of the Transformer.
-        num_layers, dim_feedforward, num_heads: of the Transformer, `layers` in encoder and decoder each.
-        tags: read word classes in addition to words.
-        positions: add sinusoids of the time step to the GRU's tokens (Table 3).
-        dropout: on word features, token embeddings, outputs and branches.
-        label_smoothing: share of the target's probability spread over all tokens (0 in the paper).
-        teacher_forcing_start, teacher_forcing_end: probability that a sequence reads the true tokens and not its own
-            draws, from the first step of training to the last (paper: 0.4 throughout). The Transformer always does.
-        token_dropout: share of input tokens that are hidden while training (0 in the paper).
-        word_dropout: share of words that are unknown while training, so that unknown words can be met (0 in the paper).
-        text_dropout: share of sentences replaced by the empty one while training, which guidance needs (0: none).
-        max_tokens: longest motion, in tokens.
-        temperature, top_k, top_p: of sampling, where a call does not say otherwise.
-        guidance: scale of classifier-free guidance (Ho and Salimans, 2022); 1 is off.
+        codebook_size: of the tokenizer (the stage takes it from there).
     """
 
     section: ClassVar[str] = "text2token"  # of the configuration, for messages

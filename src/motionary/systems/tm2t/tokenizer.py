@@ -22,28 +22,7 @@ from motionary.systems.trainable import Loss, Trainable
 
 @dataclass(frozen=True)
 class TokenizerConfig:
-    """Attributes:
-    codebook_size: entries of the codebook (K).
-    code_dim: dimensions of an entry (d).
-    width: channels at a quarter of the frame rate.
-    fine_width: channels at half the frame rate and above; 0 is `width` (Table 3).
-    encoder_blocks: residual blocks after the second convolution (Table 3: 1).
-    decoder_blocks: residual blocks before the first upsampling (Table 3 lists 2, the released code has 3).
-    fine_blocks: residual blocks of the encoder at half the frame rate (Table 3: 1).
-    dilation: the n-th block of a stack is dilated by dilation ** n; 1 is Table 3.
-    quantizer: "gradient" (Eq. 3) or "ema" with restart of dead codes.
-    commitment_weight: weight of the commitment term (Eq. 3).
-    codebook_decay: of the running means of the "ema" quantizer.
-    restart_below: an "ema" code chosen less than this share of the mean restarts.
-    codebook_start: share of the training before the codebook is drawn from encoder outputs; 0 draws it at once, -1
-        keeps the published random codebook.
-    restart_until: share of the training up to which dead codes restart.
-    freeze_encoder_from: share of the training from which only the decoder learns; 1 is off.
-    hide_contacts: the encoder does not see the foot contacts, the decoder predicts them.
-    position_weight: extra weight of the local joint positions in the reconstruction; 0 is Eq. 3.
-    berhu_threshold: errors beyond this many deviations count by their square (see autoencoder.distance); 0 is Eq. 3.
-    trajectory_weight: weight of the error of the integrated root trajectory, metres; 0 is Eq. 3.
-    """
+    """Settings of the tokenizer (TM2T 3.1); conf/tokenizer.yaml explains each."""
 
     codebook_size: int = 512
     code_dim: int = 128
