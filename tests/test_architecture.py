@@ -37,6 +37,7 @@ ALLOWED = {
     ("motionary.metrics.captions", "motionary.language.frozen"),  # BERTScore's model, unless another is given
     ("motionary.pipeline.check", "motionary.evaluation.scores"),  # every section is checked before anything runs
     ("motionary.pipeline.check", "motionary.evaluation.style_scores"),
+    ("motionary.pipeline.check", "motionary.evaluation.action_scores"),
     ("motionary.formats.read.arrays", "motionary.features"),  # files of HumanML3D features are decoded by their codec
 }
 WITHOUT_NAMES = ("dictionary", "cli", "app", "evaluation", "report")

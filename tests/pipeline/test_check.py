@@ -34,7 +34,8 @@ offsets ensemble max_words max_tokens top_p gumbel_temperature sampled_share att
 curriculum_start curriculum_add curriculum_patience held_out scored_clips content_dim style_dim repetitions contents
 codes codebook_size
 diversity_contents diversity_samples pose_step pool diversity_pairs multimodality_texts examples multimodality_samples
-multimodality_pairs generation_repetitions prompt_samples
+multimodality_pairs generation_repetitions prompt_samples samples locomotion_samples physics_motions upstream
+generator_layers
 """
 LARGE = {"seed", "window", "validate_every", "log_every", "patience"}  # of which no number is too large
 

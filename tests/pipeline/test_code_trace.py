@@ -23,6 +23,7 @@ pytestmark = pytest.mark.slow
 TRACED = Path(__file__).parent / "traced"
 TRAINED = ("autoencoder", "tokenizer", "evaluator", "motion2text", "text2token", "inverse_alignment", "text2length")
 TRAINED += ("text2motion", "latents", "global_motion", "stylization", "style_evaluator", "joint_evaluator")
+TRAINED += ("action_evaluator", "action2motion")
 SMALL = {
     "autoencoder": {"width": 8, "code_dim": 8},
     "tokenizer": {"codebook_size": 8, "code_dim": 8, "width": 8, "fine_width": 8},
@@ -38,6 +39,9 @@ SMALL = {
     "stylization": {"width": 8, "content_dim": 8, "style_dim": 8},
     "style_evaluator": {"width": 8, "dim": 8, "window": 64},
     "style_evaluation": {"repetitions": 1, "contents": 2, "diversity_contents": 1, "diversity_samples": 2, "codes": 8},
+    "action_evaluator": {"width": 8, "dim": 4, "window": 24},
+    "action2motion": {"width": 8, "latent": 4, "upstream": 4, "window": 24, "fine_variants": ["plain"]},
+    "action_evaluation": {"repetitions": 1, "samples": 4, "locomotion_samples": 4, "physics_motions": 2},
     "evaluation": {
         "repetitions": 1,
         "multimodality_texts": 1,

@@ -7,7 +7,7 @@ from motionary.study.experiments import paths_of, with_values
 from motionary.systems.registry import EMBED, filled, find, offering, served_by
 
 # Stages without a model of their own.
-PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "report"}
+PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "action_evaluation", "report"}
 
 
 def stages(repository):
@@ -35,7 +35,7 @@ def test_a_stage_that_draws_depends_on_its_seed(repository):
     params = yaml.safe_load((repository / "params.yaml").read_text())
     for name, stage in stages(repository).items():
         code = (repository / "stages" / f"{name}.py").read_text()
-        draws = "stage.seed" in code or "train(" in code
+        draws = "stage.seed" in code or "train(" in code or "train_each(" in code
         own = "seed" in params.get(name, {})  # the judge's: systems of all seeds meet the same one
         assert own == (name in ("autoencoder", "evaluator", "joint_evaluator"))
         assert ("seed" in stage.get("params", [])) == (draws and not own), name

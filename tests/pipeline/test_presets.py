@@ -39,7 +39,7 @@ def test_presets_are_the_table(repository, tmp_path, scale):
     values = flatten(composed(repository, tmp_path, scale))
     assert {key: values[key] for key in expected} == expected
     # No clock of the small scale is left: what stops or moves a training is in the table.
-    for section in {key.split(".")[0] for key in expected} - {"evaluation"}:
+    for section in {key.split(".")[0] for key in expected} - {"evaluation", "action_evaluation"}:
         assert {f"{section}.patience", f"{section}.validate_every"} <= expected.keys()
 
 

@@ -28,6 +28,21 @@ class LabeledBatch(MotionBatch, Protocol):
     action: Tensor
 
 
+class ActedBatch(Protocol):
+    """Joints of labeled motions.
+
+    Attributes:
+        joints: (B, T, J, 3) float32 metres, y up; at first the root stands above the origin and the body faces +z.
+        frames: (B,) valid frames.
+        action, fine: (B,) label ids among the coarse and the fine actions, -1 where unknown.
+    """
+
+    joints: Tensor
+    frames: Tensor
+    action: Tensor
+    fine: Tensor
+
+
 class TextBatch(Protocol):
     """Captions, and how long their motions last.
 
@@ -110,6 +125,8 @@ class Batch:
     joints: Tensor = field(default_factory=_left_out)
     style: Tensor = field(default_factory=_left_out)
     action: Tensor = field(default_factory=_left_out)
+    joints: Tensor = field(default_factory=_left_out)
+    fine: Tensor = field(default_factory=_left_out)
 
     def __post_init__(self) -> None:
         for name, value in list(vars(self).items()):

@@ -57,6 +57,11 @@ def as_features(made: np.ndarray | Motion, context: Context) -> np.ndarray:
     return encode(made, context, whole=True) if isinstance(made, Motion) else made
 
 
+def as_joints(motion: Motion, context: Context) -> np.ndarray:
+    """Joints (T, J, 3) of any motion on the corpus's skeleton at its rate: on the floor, from the origin, facing +z."""
+    return canonicalize(retarget(resample(without_bind_pose(motion), context.fps), context.skeleton)).positions
+
+
 def frames_of(seconds: float, context: Context) -> int:
     """Frames of a length asked for, in whole units; InputError names the range."""
     unit, longest = context.unit / context.fps, math.ceil(context.max_frames / context.fps)

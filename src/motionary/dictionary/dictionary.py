@@ -15,7 +15,7 @@ from motionary.errors import InputError, check_whole
 from motionary.language import Sentence, annotate, check_prompt
 from motionary.motion import Motion
 from motionary.systems.protocols import CorpusSearch, MotionToText, TextToMotion
-from motionary.systems.registry import EMBED, MOTION_TO_TEXT, SEARCH, STYLIZE, TEXT_TO_MOTION
+from motionary.systems.registry import ACT, EMBED, MOTION_TO_TEXT, SEARCH, STYLIZE, TEXT_TO_MOTION
 
 OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")  # of sampling; a system may ignore some
 
@@ -228,9 +228,52 @@ class Dictionary(Folder):
         with self._lock:
             return interpolate(transfer, content, first, second, steps, seed)
 
-    def act(self, action: str, n: int = 1, seconds: float | None = None, seed: int = 0) -> list[Motion]:
-        """Motions of an action label. InputError: no system here answers to one yet."""
-        raise InputError("action", action, "no system of these models makes motions of action labels")
+    @property
+    def actions(self) -> tuple[str, ...]:
+        """The actions that :meth:`act` knows by name."""
+        return self._open(ACT).actions
+
+    def act(
+        self,
+        action: str | Sequence[str],
+        n: int = 1,
+        seconds: float | Sequence[float] = 3.0,
+        seed: int = 0,
+        scale: float = 1.0,
+        start: Motion | None = None,
+    ) -> list[Motion]:
+        """Motions of an action, or of several that follow each other in one motion.
+
+        Args:
+            action: a name among :attr:`actions`, or several.
+            n: variants.
+            seconds: how long; for several actions one number for all or one for each.
+            seed: equal actions, seconds, seed and variant give an equal motion, whatever else is asked.
+            scale: of the body.
+            start: a motion that is gone on from: its frames stand before the others.
+
+        Raises:
+            InputError: an unknown action (the known ones are listed), a value out of range, a start on an unknown rig.
+        """
+        from motionary.dictionary.acting import act
+
+        actor = self._open(ACT)
+        with self._lock:
+            return act(actor, action, n, seconds, seed, scale, start)
+
+    def between_actions(
+        self, action: str, steps: int = 5, seconds: float = 3.0, seeds: tuple[int, int] = (0, 1), scale: float = 1.0
+    ) -> list[Motion]:
+        """`steps` motions of an action, from the first seed's to one that starts as the second's.
+
+        Raises:
+            InputError: as :meth:`act`.
+        """
+        from motionary.dictionary.acting import between
+
+        actor = self._open(ACT)
+        with self._lock:
+            return between(actor, action, steps, seconds, seeds, scale)
 
     def read_as(self, text: str) -> str:
         """The words that the systems read in a text: normalized, typos corrected, unknown ones marked."""

@@ -159,6 +159,22 @@ def _check_style_evaluation(name: str, own: Values, values: Values, root: Path) 
     configure(StyleProtocol, own, name)
 
 
+def _check_action2motion(name: str, own: Values, values: Values, root: Path) -> None:
+    from motionary.systems.action2motion.variants import CHOICE, variants_of
+
+    check_data(own, name)
+    settings_of(own, name)
+    shared = {key: value for key, value in model_keys(own).items() if key not in CHOICE}
+    for settings in variants_of(*(own.get(key, []) for key in CHOICE)).values():
+        configure(find(name).load(find(name).config), {**shared, **settings, "labels": ["any"]}, name)
+
+
+def _check_action_evaluation(name: str, own: Values, values: Values, root: Path) -> None:
+    from motionary.evaluation.action_scores import ActionProtocol
+
+    configure(ActionProtocol, own, name)
+
+
 def _check_evaluation(name: str, own: Values, values: Values, root: Path) -> None:
     from motionary.evaluation.scores import Protocol
 
@@ -181,6 +197,8 @@ SECTIONS: dict[str, Callable[[str, Values, Values, Path], None]] = {
     "language": _check_language,
     "styles": _check_styles,
     "style_evaluation": _check_style_evaluation,
+    "action2motion": _check_action2motion,
+    "action_evaluation": _check_action_evaluation,
     "evaluation": _check_evaluation,
     "report": _check_report,
 }

@@ -11,6 +11,7 @@ from string import Template
 from typing import Any
 
 from motionary.report import caption_tables, tables
+from motionary.report.action_tables import action_tables
 from motionary.report.copy_tables import copies
 from motionary.report.corpus_table import corpus_tables
 from motionary.report.physics_tables import physics_tables
@@ -50,9 +51,14 @@ PICTURES = {
     "style_codes": "Style codes of real motions in two dimensions (t-SNE). Without labels a code tells the style; "
     "beside a label it tells what else there is, so that the colors should mix.",
     "one_motion_many_styles": "One motion above what stylization makes of it; time runs to the right.",
+    "actions": "One motion of each of the most frequent actions; time runs to the right.",
+    "transitions": "Where the label changes in the middle of a motion.",
+    "outpainting": "A real motion, and three motions that go on from its first quarter.",
+    "interpolation": "Motions whose first latent lies between those of two seeds.",
     "densities": "How likely each length is, given the text above it; dark: the lengths of the motions so described.",
 }
 
+ACTED = ("actions", "transitions", "outpainting", "interpolation")
 STYLED = ("style_codes", "one_motion_many_styles")
 
 
@@ -78,6 +84,7 @@ def render(
         ("Physics", _tables(physics_tables(results))),
         ("Prompts", _tables([tables.prompts(results)])),
         ("Stylization", _stylization(results)),
+        ("Actions", _actions(results)),
         ("Training", _tables([tables.training(results)]) + _curves(results)),
         ("Pictures", _pictures(results)),
         ("Corpus", "".join(map(_corpus_table, corpus_tables(corpus))) if corpus else ""),
@@ -117,7 +124,12 @@ def _tables(found: Sequence[Table | None]) -> str:
 
 def _stylization(results: Results) -> str:
     found = stylization_tables(results)
-    return _tables([*found, classifiers_table(results)]) + _pictures(results, styled=True) if found else ""
+    return _tables([*found, classifiers_table(results)]) + _pictures(results, STYLED) if found else ""
+
+
+def _actions(results: Results) -> str:
+    found = action_tables(results)
+    return _tables(found) + _pictures(results, ACTED) if found else ""
 
 
 def _corpus_table(table: Table) -> str:
@@ -140,10 +152,10 @@ def _curves(results: Results) -> str:
     return "".join(_picture(path, f"{name}: {path.stem.replace('_', ' ')}") for name, path in curves)
 
 
-def _pictures(results: Results, styled: bool = False) -> str:
-    """Pictures that are no curves: those of stylization, or all others."""
+def _pictures(results: Results, names: Sequence[str] = ()) -> str:
+    """Pictures that are no curves: those of these names, or all that no section shows by name."""
     others = [(n, p) for n, paths in results.figures.items() for p in paths if not p.stem.endswith("curves")]
-    kept = [(name, path) for name, path in others if (path.stem in STYLED) == styled]
+    kept = [(n, p) for n, p in others if (p.stem in names if names else p.stem not in STYLED + ACTED)]
     return "".join(_picture(p, f"{n}: {p.stem.replace('_', ' ')}", PICTURES.get(p.stem, "")) for n, p in kept)
 
 

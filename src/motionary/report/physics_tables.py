@@ -36,6 +36,11 @@ def physics_tables(results: Results) -> list[Table]:
     return ([_table("Physics", rows)] if rows else []) + _stylized(results)
 
 
+def physics_table(title: str, rows: Mapping[str, Mapping[str, Any]]) -> Table:
+    """A table of measures by the name of each row."""
+    return _table(title, [_row(name, values) for name, values in rows.items()])
+
+
 def _stylized(results: Results) -> list[Table]:
     tables = []
     for report in results.stages.values():

@@ -27,6 +27,8 @@ STYLIZE = "stylize"  # MotionStylizer
 EMBED = "embed"  # TextMotionJudge
 JUDGE_STYLE = "judge_style"  # StyleClassifier
 SEARCH = "search"  # CorpusSearch
+ACT = "act"  # ActionToMotion
+JUDGE_ACTION = "judge_action"  # ActionClassifier
 TELLS = {
     CODEC: "turn motion into codes and back",
     TEXT_TO_MOTION: "turn text into motion",
@@ -36,6 +38,8 @@ TELLS = {
     EMBED: "embed texts and motions",
     JUDGE_STYLE: "tell style and action",
     SEARCH: "search the corpus",
+    ACT: "make motions of action labels",
+    JUDGE_ACTION: "tell actions apart",
 }
 
 
@@ -122,6 +126,11 @@ SYSTEMS: tuple[System, ...] = (
         "stylization", "stylization", "stylizer.Stylizer", "stylizer.StylizationConfig", ("latents",),
         ("global_motion",), {STYLIZE: "open_stylizer"}, "build_stylizer",
     ),
+    # action2motion, thesis chapter 3
+    System(
+        "action2motion", "action2motion", "conditioned_vae.Action2Motion", "conditioned_vae.Action2MotionConfig",
+        offers={ACT: "open_actor"}, build="build_action2motion",
+    ),
     # What scores the others
     System(
         "evaluator", "judges", "evaluator.Evaluator", "evaluator.EvaluatorConfig", ("autoencoder",),
@@ -134,6 +143,10 @@ SYSTEMS: tuple[System, ...] = (
     System(
         "style_evaluator", "judges", "style_evaluator.StyleEvaluator", "style_evaluator.StyleEvaluatorConfig",
         offers={JUDGE_STYLE: "open_style_judge"}, build="build_style_evaluator",
+    ),
+    System(
+        "action_evaluator", "judges", "action_evaluator.ActionEvaluator", "action_evaluator.ActionEvaluatorConfig",
+        offers={JUDGE_ACTION: "open_action_judge"}, build="build_action_evaluator",
     ),
     System(
         "retrieval", "judges", needs=("evaluator",), serves_with=("evaluator",),

@@ -10,6 +10,7 @@ from motionary.errors import configure
 from motionary.systems.io import Trained
 
 if TYPE_CHECKING:
+    from motionary.systems.judges.action_evaluator import ActionEvaluator, ActionJudge
     from motionary.systems.judges.corpus_search import Retrieval
     from motionary.systems.judges.evaluator import Evaluator
     from motionary.systems.judges.joint_evaluator import JointEvaluator
@@ -52,6 +53,20 @@ def open_style_judge(trained: Trained, name: str) -> StyleJudge:
     from motionary.systems.judges.style_evaluator import StyleJudge
 
     return StyleJudge.open(trained.path(name), str(trained.device))
+
+
+def build_action_evaluator(settings: Mapping[str, Any], context: Context, trained: Trained) -> ActionEvaluator:
+    """A fresh classifier of actions; `settings` are the keys of its config."""
+    from motionary.systems.judges.action_evaluator import ActionEvaluator, ActionEvaluatorConfig
+
+    return ActionEvaluator(configure(ActionEvaluatorConfig, settings, "action_evaluator"), context)
+
+
+def open_action_judge(trained: Trained, name: str) -> ActionJudge:
+    """The trained classifier, for motions of any number."""
+    from motionary.systems.judges.action_evaluator import ActionJudge
+
+    return ActionJudge.open(trained.path(name), str(trained.device))
 
 
 def open_retrieval(trained: Trained, name: str) -> Retrieval:

@@ -1,0 +1,1 @@
+"""Action labels to motion by a conditioned temporal VAE on Lie algebra poses (thesis chapter 3)."""
