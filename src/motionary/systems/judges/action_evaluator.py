@@ -41,7 +41,7 @@ class ActionEvaluatorConfig:
     label_smoothing: float = 0.0
 
     def __post_init__(self) -> None:
-        if isinstance(self.kinds, str) or not set(self.kinds) <= {"coarse", "fine"}:
+        if not isinstance(self.kinds, list | tuple) or not set(self.kinds) <= {"coarse", "fine"}:
             raise InputError("action_evaluator.kinds", self.kinds, "must be a list of some of coarse, fine")
         for kind in ("coarse", "fine", "kinds"):
             object.__setattr__(self, kind, tuple(getattr(self, kind)))
