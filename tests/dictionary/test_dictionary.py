@@ -189,7 +189,7 @@ def test_typos_are_read_as_words_of_the_corpus(d):
         (lambda d: d.caption("walk.bvh"), "must be one Motion"),
         (lambda d: d.search("walk", k=0), "k: 0"),
         (lambda d: d.stylize(demo_clip(3)[0], style="old"), "run `dvc repro stylization`"),
-        (lambda d: d.act("walk"), "no system of these models"),
+        (lambda d: d.act("walk"), "run `dvc repro action2motion`"),
     ],
 )
 def test_bad_input_is_one_line(d, call, rule):

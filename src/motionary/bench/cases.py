@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from motionary.bench.acting import action2motion, actions
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
 from motionary.bench.measure import convolution_flops, cpu_time, least_time, matmul_rate
 from motionary.bench.shapes import Shapes
@@ -232,6 +233,8 @@ CASES: tuple[Case, ...] = (
     Case("stylization", "stylization step, 32 triples x 160 frames", stylization, 8.3, 5.0),
     Case("stylize", "160 frames in another style", stylize(1), 0.043, 0.02),
     Case("stylize32", "32 x 160 frames in another style", stylize(), 0.64, 0.4),
+    Case("action2motion", "action2motion step, 128 x 60 frames", action2motion, None, 1.5),
+    Case("actions", "32 actions to motions of 60 frames", actions, None, 0.15),
     Case("metrics", "R-precision and FID of 4000 x 512", _metrics, 0.4625, 0.15),
     Case("mp4", "a motion of 10 s to mp4", _write(".mp4"), None, 5.0),
     Case("glb", "a motion of 10 s to glb, with a body", _write(".glb"), None, 0.3),

@@ -25,6 +25,7 @@ class Shapes:
         texts: sentences turned into motions.
         snippet_windows, snippet_window, snippet_width: autoencoder batch, frames, channels.
         style_window, style_width: frames and channels of stylization.
+        acted_frames: of a sequence of action2motion.
         pairs, motion_width, embedding: evaluator batch, motion GRU, dimensions of the common space.
         sequences, snippets, latent: text2motion batch, snippet codes that the temporal VAE is unrolled for, dimensions
             of z; its GRUs have gru_width, its text encoder text_width.
@@ -61,6 +62,7 @@ class Shapes:
     snippet_width: int = 512
     style_window: int = 160
     style_width: int = 512
+    acted_frames: int = 60
     pairs: int = 32
     motion_width: int = 1024
     embedding: int = 512
@@ -81,5 +83,5 @@ SMALL = Shapes(
     tokens=6, transformer_width=16, layers=1, feed_forward=32, heads=2, text_width=8, gru_width=16, word_dim=8,
     captions=3, caption_words=4, texts=5, snippet_windows=4, snippet_window=16, snippet_width=16, pairs=4,
     motion_width=8, embedding=12, sequences=4, snippets=6, latent=4, prompts=5, items=64, seconds=0.5, matmul=64,
-    style_window=32, style_width=16, small_width=16, small_gru_width=16, small_text_width=8,
+    style_window=32, acted_frames=6, style_width=16, small_width=16, small_gru_width=16, small_text_width=8,
 )  # fmt: skip
