@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from motionary.app import limits
+from motionary.app.act_tab import build_act_tab
 from motionary.app.figures import LOOKS
 from motionary.app.limits import among, within
 from motionary.app.player import Item, Player
@@ -16,7 +17,7 @@ from motionary.app.work import READABLE, WRITABLE, Workers, file_bytes, read_upl
 from motionary.dictionary.dictionary import Dictionary
 from motionary.errors import InputError
 from motionary.motion import Motion
-from motionary.systems.registry import MOTION_TO_TEXT, SEARCH, STYLIZE
+from motionary.systems.registry import ACT, MOTION_TO_TEXT, SEARCH, STYLIZE
 
 _CHANCE, _REFERENCE = "by chance", "of the reference"
 _TITLE = 40  # letters above a figure
@@ -37,6 +38,9 @@ class Panel:
         if generators:
             with tabs.add_tab("Generate"):
                 self._generate_tab(generators)
+        if dictionary.offering(ACT):
+            with tabs.add_tab("Act"):
+                self._act_tab()
         with tabs.add_tab("Read"):
             self._read_tab(bool(dictionary.offering(MOTION_TO_TEXT)), bool(dictionary.offering(STYLIZE)))
         if dictionary.offering(SEARCH):
@@ -75,6 +79,9 @@ class Panel:
             self._show(motions, titles, [text] * len(motions), f"Read as: {words}")
 
         button.on_click(lambda _: self._start("Making motions", work))
+
+    def _act_tab(self) -> None:
+        build_act_tab(self.gui, self.dictionary, self._turns, self._submit, self._show)
 
     def _read_tab(self, captions: bool, styles: bool) -> None:
         gui = self.gui

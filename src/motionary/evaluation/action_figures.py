@@ -36,10 +36,12 @@ def draw_uses(
     rows = rows[labels.action[rows] == labels.coarse.index(names[0])]
     if len(rows):
         real = Acted(corpus, labels, rows[:1], window, random=False).stretch(
-            0, 0, min(window, corpus.clips.length[rows[0]])
+            0, 0, min(window, int(corpus.clips.length[rows[0]]))
         )
         start = real[: max(1, len(real) // 4)]
-        made = actor.act([[(names[0], window - len(start))]] * 3, [seed + k for k in range(3)], starts=[start] * 3)
+        made = actor.act(
+            [[(names[0], max(1, window - len(start)))]] * 3, [seed + k for k in range(3)], starts=[start] * 3
+        )
         context = corpus.context
         captions = [f"{names[0]}, real", *(f"its first {len(start)} frames, gone on from: {k + 1}" for k in range(3))]
         found["outpainting"] = [Motion(real, context.fps, context.skeleton), *made], captions

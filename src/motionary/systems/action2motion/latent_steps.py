@@ -19,8 +19,8 @@ class Recurrent(nn.Module):
 
     def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Inputs (B, S, d) -> outputs (B, S, o) and the state after the last step; None starts from zero."""
-        hidden, state = self.unit(self.encoder(x), state)
-        return self.out(hidden), state
+        hidden, last = self.unit(self.encoder(x), state)
+        return self.out(hidden), last
 
 
 def moments(parameters: Tensor) -> tuple[Tensor, Tensor]:
