@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from motionary.bench.acting import action2motion, actions
+from motionary.bench.actions import action2motion, actions
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
 from motionary.bench.measure import convolution_flops, cpu_time, least_time, matmul_rate
 from motionary.bench.shapes import Shapes

@@ -25,7 +25,7 @@ LENGTH_STREAM = 1  # beside a generation's own seed, so that drawing a length le
 
 @dataclass(frozen=True)
 class Text2LengthConfig:
-    """Settings of the length distribution, here those of the released implementation; conf/text2length.yaml explains each."""
+    """Settings of the length distribution, here the released implementation's; conf/text2length.yaml explains each."""
 
     word_dim: int = 300
     text_width: int = 512
