@@ -2,6 +2,7 @@
 
 from _project import ROOT  # isort: skip
 import json
+from typing import Any
 
 import hydra
 
@@ -20,7 +21,8 @@ def main(config):
     with Stage("action2motion", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
         labels, section, settings = ActionLabels.of(corpus), stage.section, stage.training()
-        models, report = {}, {"actions": list(labels.coarse), "fine_actions": list(labels.fine)}
+        models: dict[str, Any] = {}
+        report: dict[str, Any] = {"actions": list(labels.coarse), "fine_actions": list(labels.fine)}
         for name, own in variants_of(section["variants"], section["fine_variants"]).items():
             if known := labels.fine if own["fine"] else labels.coarse:
                 models[name] = build(stage, corpus.context, labels=known, **own)

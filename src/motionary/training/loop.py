@@ -207,8 +207,8 @@ class _Run:
 
     def _resume(self) -> None:
         """Continues from the checkpoint of the first process, whether or not the others see one."""
-        reads = self.checkpoint is not None and self.fabric.global_rank == 0
-        found = self.fabric.broadcast(newest(self.checkpoint) if reads else None)
+        path = self.checkpoint if self.fabric.global_rank == 0 else None
+        found = self.fabric.broadcast(None if path is None else newest(path))
         if found is None:
             return
         tensors, numbers = found
