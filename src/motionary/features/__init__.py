@@ -8,6 +8,8 @@ from motionary.errors import InputError
 from motionary.features.columns import Columns, columns, other_columns, packed, width
 from motionary.features.humanml3d import HumanML3D, recover_positions, recover_positions_torch
 from motionary.features.protocol import UNIT, Codec
+from motionary.features.rifke import Rifke
+from motionary.features.rotation import Rotations
 from motionary.motion import Skeleton
 
 __all__ = [
@@ -16,6 +18,8 @@ __all__ = [
     "Codec",
     "Columns",
     "HumanML3D",
+    "Rifke",
+    "Rotations",
     "codec",
     "columns",
     "other_columns",
@@ -26,7 +30,7 @@ __all__ = [
 ]
 
 # Every codec by the name that corpora and models keep; a further one is an entry here.
-CODECS: dict[str, Callable[[Skeleton], Codec]] = {"humanml3d": HumanML3D}
+CODECS: dict[str, Callable[[Skeleton], Codec]] = {"humanml3d": HumanML3D, "rifke": Rifke, "rotation": Rotations}
 
 
 def codec(name: str, skeleton: Skeleton) -> Codec:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from motionary.errors import InputError
+from motionary.motion import Motion, Skeleton
 
 # Indices of columns, a slice where they follow each other: indexing by it then makes a view and no copy.
 Columns = slice | list[int]
@@ -40,3 +43,25 @@ def packed(indices: Sequence[int]) -> Columns:
 def width(chosen: Columns) -> int:
     """How many columns these are."""
     return chosen.stop - chosen.start if isinstance(chosen, slice) else len(chosen)
+
+
+def tiled(widths: Mapping[str, int]) -> dict[str, slice]:
+    """Columns of groups that follow each other, by the number of columns of each."""
+    ends = np.cumsum(list(widths.values())).tolist()
+    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True)}
+
+
+def check_joints(motion: Motion, skeleton: Skeleton) -> None:
+    """InputError unless the motion has the joints of a codec's skeleton."""
+    if motion.skeleton.joints != skeleton.joints:
+        raise InputError("motion", motion.skeleton.name, f"needs the joints of {skeleton.name}; retarget it first")
+
+
+def check_features(features: np.ndarray, dim: int) -> np.ndarray:
+    """Features (T, dim) as float64; InputError for another shape or values that are not finite."""
+    features = np.asarray(features)
+    if features.ndim != 2 or features.shape[1] != dim or len(features) < 1:
+        raise InputError("features", features.shape, f"shape (T, {dim}) with T >= 1")
+    if not np.isfinite(features).all():
+        raise InputError("features", "NaN or infinity", "values must be finite")
+    return features.astype(np.float64)

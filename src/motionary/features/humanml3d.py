@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motionary.errors import InputError
 from motionary.features import bones
+from motionary.features.columns import check_features, check_joints, tiled
 from motionary.motion import Motion, Skeleton
 from motionary.motion.contacts import CONTACT_THRESHOLD, foot_contacts
 from motionary.motion.facing import fill_short, forward_vectors, headings, rotate_y, wrap
@@ -65,10 +65,7 @@ class HumanML3D:
         Raises:
             InputError: the motion has another number of joints.
         """
-        if motion.skeleton.joints != self.skeleton.joints:
-            raise InputError(
-                "motion", motion.skeleton.name, f"needs the joints of {self.skeleton.name}; retarget it first"
-            )
+        check_joints(motion, self.skeleton)
         positions = motion.positions.astype(np.float64)
         positions = rotate_y(positions, -headings(forward_vectors(positions, self._hips, self._shoulders))[0])
         half = self._half_angles(positions)
@@ -100,15 +97,11 @@ class HumanML3D:
         Raises:
             InputError: wrong shape, or values that are not finite.
         """
-        features = np.asarray(features)
-        if features.ndim != 2 or features.shape[1] != self.dim or len(features) < 1:
-            raise InputError("features", features.shape, f"shape (T, {self.dim}) with T >= 1")
-        if not np.isfinite(features).all():
-            raise InputError("features", "NaN or infinity", "values must be finite")
+        features = check_features(features, self.dim)
         joints = len(self.skeleton)
         if not rotations:
             return Motion(recover_positions(features, joints), fps, self.skeleton)
-        half, root = _recover_root(features.astype(np.float64))
+        half, root = _recover_root(features)
         sixd = features[:, self.slices["rotations"]].reshape(len(features), joints - 1, 6)
         return Motion(self._place(sixd, half, root), fps, self.skeleton)
 
@@ -243,5 +236,4 @@ def _slices(joints: int) -> dict[str, slice]:
         "velocities": 3 * joints,
         "contacts": _CONTACTS,
     }
-    ends = np.cumsum(list(widths.values())).tolist()
-    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True)}
+    return tiled(widths)
