@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import yaml
 from PIL import Image
-from tiny import add_stylizers
+from tiny import add_stylizers, add_temos
 
 from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS, main
@@ -42,6 +42,7 @@ def folder(pipeline, tmp_path_factory) -> Path:
     shutil.copytree(pipeline / "models", root / "models")
     shutil.copytree(pipeline / "data", root / "data")
     add_stylizers(root, root / "models")
+    add_temos(root, root / "models")
     for name, index in (("walk.bvh", 3), ("limp.bvh", 4)):
         demo_clip(index)[0].save(root / name)
     return root

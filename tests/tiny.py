@@ -80,6 +80,23 @@ def add_stylizers(root: Path, models: Path) -> None:
             save_model(models / "stylization" / setting, "stylization", model, context)
 
 
+def add_temos(root: Path, models: Path) -> None:
+    """Untrained TEMOS on root/data/corpus, with its index, into `models`."""
+    from motionary.corpus.store import Corpus
+    from motionary.nn.layers import seeded
+    from motionary.systems.io import Trained, build_model, save_model
+    from motionary.systems.temos.joint_space import JointSpace, LatentIndex
+    from motionary.systems.temos.training_data import training_data
+
+    corpus = Corpus.open(root / "data/corpus")
+    settings = {"latent": 16, "num_layers": 1, "num_heads": 2, "dim_feedforward": 16, "most_captions": 1}
+    with seeded(0):
+        model = build_model("temos", settings, corpus.context, Trained(models)).eval()
+    data = training_data(model, corpus, root / "made/motion", root / "made/texts")
+    save_model(models / "temos", "temos", model, corpus.context)
+    LatentIndex(JointSpace(model, "").own(data.features)).save(models / "temos")
+
+
 @pytest.fixture(scope="session")
 def pipeline(tmp_path_factory) -> Path:
     """A folder with data/corpus and models/ of untrained systems; read only."""

@@ -77,8 +77,8 @@ def test_every_generator_can_be_asked(d):
     with pytest.raises(InputError, match="does not turn text into motion"):
         d.generate("walk", system="tokenizer")
     have = "text2motion, text2token, inverse_alignment, retrieval"
-    with pytest.raises(InputError, match=f"^system: temos: must be one of {have}$"):
-        d.generate("walk", system="temos")
+    with pytest.raises(InputError, match=f"^system: poetry: must be one of {have}$"):
+        d.generate("walk", system="poetry")
     with pytest.raises(InputError, match="does not turn motion into text"):
         d.caption(d.generate("walk")[0], system="text2token")
 

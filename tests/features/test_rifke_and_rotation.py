@@ -29,7 +29,7 @@ def turning_body(skeleton: Skeleton, frames: int = 400, turns: float = 2.3) -> M
     yaw = 0.8 + turns * time
     turn = np.stack([0 * yaw, np.sin(yaw / 2), 0 * yaw, np.cos(yaw / 2)], -1)
     rotations[:, 0] = quat_product(turn, rotations[:, 0])
-    root = np.cumsum(rng.normal(size=(frames, 3)) * [0.03, 0.002, 0.03], axis=0) + [2.0, 0.9, -1.0]
+    root = np.array([2.0, 0.9, -1.0]) + np.cumsum(rng.normal(size=(frames, 3)) * [0.03, 0.002, 0.03], axis=0)
     return Motion(forward_kinematics(skeleton, rotations, root), 20, skeleton, rotations)
 
 
@@ -39,7 +39,9 @@ def ahead(motion: Motion) -> np.ndarray:
     return rotate_y(positions, -heading(motion)[0])
 
 
-@pytest.mark.parametrize(("skeleton", "form", "dim"), [(KIT, "rifke", 64), (SMPL, "rotation", 135), (SMPL, "rifke", 67)])
+@pytest.mark.parametrize(
+    ("skeleton", "form", "dim"), [(KIT, "rifke", 64), (SMPL, "rotation", 135), (SMPL, "rifke", 67)]
+)
 def test_sizes_are_the_papers_and_groups_tile_the_columns(skeleton, form, dim):
     made = codec(form, skeleton)
     assert made.dim == dim
@@ -76,7 +78,7 @@ def test_features_do_not_know_where_a_motion_starts_nor_faces(form):
     turn = np.array([0, np.sin(0.7), 0, np.cos(0.7)])
     rotations = motion.rotations.astype(np.float64)
     rotations[:, 0] = quat_product(turn, rotations[:, 0])
-    positions = rotate_y(motion.positions.astype(np.float64), 1.4) + [5, 0, -2]
+    positions = np.array([5, 0, -2]) + rotate_y(motion.positions.astype(np.float64), 1.4)
     elsewhere = Motion(positions, 20, SMPL, rotations)
     # Positions of float32 are rounded to half a micrometre at 5 m, and hips stand a hand apart.
     np.testing.assert_allclose(made.encode(elsewhere), made.encode(motion), atol=1e-5)

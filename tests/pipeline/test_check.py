@@ -74,7 +74,7 @@ def refused(value):
     [
         (-1, {"tokenizer.codebook_start"}),
         (1e9, set()),
-        ("x", {"data.name", "source.root", "scale"}),
+        ("x", {"data.name", "source.root", "scale", "temos.language_model"}),
         (None, set()),
     ],
 )

@@ -154,7 +154,8 @@ def test_a_function_of_a_family_reaches_what_it_builds_or_opens(reached):
     changed = reached(
         "systems/t2m/system.py", "return Lengths(trained.load(name))", "return Lengths(trained.load(name[:]))"
     )
-    assert changed == {"evaluation@text2length", "evaluation@text2motion", "report"}  # it answers with lengths
+    # These answer with lengths.
+    assert changed == {"evaluation@text2length", "evaluation@text2motion", "evaluation@temos", "report"}
 
 
 def test_a_metric_reaches_no_training_a_network_what_stands_on_it_and_the_loop_all(reached):

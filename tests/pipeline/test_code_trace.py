@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 TRACED = Path(__file__).parent / "traced"
 TRAINED = ("autoencoder", "tokenizer", "evaluator", "motion2text", "text2token", "inverse_alignment", "text2length")
 TRAINED += ("text2motion", "latents", "global_motion", "stylization", "style_evaluator", "joint_evaluator")
-TRAINED += ("action_evaluator", "action2motion")
+TRAINED += ("action_evaluator", "action2motion", "temos")
 SMALL = {
     "autoencoder": {"width": 8, "code_dim": 8},
     "tokenizer": {"codebook_size": 8, "code_dim": 8, "width": 8, "fine_width": 8},
@@ -34,6 +34,7 @@ SMALL = {
     "text2token": {"text_width": 8, "width": 8, "max_tokens": 10},
     "text2length": {"text_width": 8},
     "text2motion": {"text_width": 8, "width": 8, "attention_width": 8, "latent": 4},
+    "temos": {"latent": 8, "num_layers": 1, "num_heads": 2, "dim_feedforward": 8},
     "latents": {"width": 8, "code_dim": 8},
     "global_motion": {"width": 8},
     "stylization": {"width": 8, "content_dim": 8, "style_dim": 8},
@@ -48,6 +49,7 @@ SMALL = {
         "multimodality_samples": 2,
         "multimodality_pairs": 1,
         "prompt_samples": 1,
+        "position_samples": 1,
     },
     "report": {"examples": 1},
 }

@@ -19,6 +19,7 @@ from motionary.bench.made import FPS, make_batch, make_context, make_motion, mak
 from motionary.bench.measure import convolution_flops, cpu_time, least_time, matmul_rate
 from motionary.bench.shapes import Shapes
 from motionary.bench.style import stylization, stylize
+from motionary.bench.temos_work import temos, temos_texts
 from motionary.bench.temporal import prompts, text2length, text2motion
 from motionary.bench.use import first_frame, page, shell
 from motionary.bench.workload import Case, Work, clock, noise, training_step
@@ -230,6 +231,8 @@ CASES: tuple[Case, ...] = (
     Case("text2length", "text2length step, batch 64", text2length, 0.45, 0.3),
     Case("text2motion", "temporal VAE step, batch 32, 50 codes", text2motion, 11.5, 7.5),
     Case("prompts", "32 texts by the temporal VAE, 196 frames", prompts, 2.4, 1.5),
+    Case("temos", "TEMOS step, 32 x 100 frames, the language model apart", temos, 8.2, 6.0),
+    Case("temos_texts", "32 texts by TEMOS, 100 frames, the language model included", temos_texts, None, 0.5),
     Case("stylization", "stylization step, 32 triples x 160 frames", stylization, 8.3, 5.0),
     Case("stylize", "160 frames in another style", stylize(1), 0.043, 0.02),
     Case("stylize32", "32 x 160 frames in another style", stylize(), 0.64, 0.4),

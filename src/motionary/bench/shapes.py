@@ -33,6 +33,8 @@ class Shapes:
         items: rows of the features that R-precision and FID are computed of.
         seconds: length of the motion that is written to files.
         small_width, small_gru_width, small_text_width: of the tokenizer and text2token at `scale=small`.
+        temos_frames, temos_tokens: of TEMOS's batch of `sequences` items, at its own 12.5 fps, and a caption's tokens.
+        temos_width, temos_layers, temos_inner, temos_heads: of its three Transformers.
         matmul: rows of the matrices whose product measures the machine.
     """
 
@@ -75,6 +77,12 @@ class Shapes:
     small_width: int = 384
     small_gru_width: int = 512
     small_text_width: int = 256
+    temos_frames: int = 100
+    temos_tokens: int = 16
+    temos_width: int = 256
+    temos_layers: int = 6
+    temos_inner: int = 1024
+    temos_heads: int = 4
     matmul: int = 1536
 
 
@@ -84,4 +92,5 @@ SMALL = Shapes(
     captions=3, caption_words=4, texts=5, snippet_windows=4, snippet_window=16, snippet_width=16, pairs=4,
     motion_width=8, embedding=12, sequences=4, snippets=6, latent=4, prompts=5, items=64, seconds=0.5, matmul=64,
     style_window=32, acted_frames=6, style_width=16, small_width=16, small_gru_width=16, small_text_width=8,
+    temos_frames=9, temos_tokens=5, temos_width=8, temos_layers=1, temos_inner=8, temos_heads=2,
 )  # fmt: skip

@@ -92,6 +92,10 @@ class TokenBatch(TextBatch, Protocol):
     token_count: Tensor
 
 
+class ReadBatch(MotionBatch, SentenceBatch, Protocol):
+    """Motions, and their captions as a language model reads them; `states` may be its token ids (B, N) instead."""
+
+
 class CaptionBatch(TokenBatch, PairBatch, Protocol):
     """Captions with what they describe; the loss reads the tokens or the features, whichever its model was made for."""
 

@@ -95,6 +95,7 @@ class Pairs:
         motion: False leaves the features out (token models do not need them).
         mirrored: False leaves out the mirrored copies that preprocess added.
         written: gives the captions' words as they were written, in this vocabulary, in place of normalized ones.
+        most_captions: of a clip that are drawn, its first ones; 0 takes all.
     """
 
     def __init__(
@@ -112,6 +113,7 @@ class Pairs:
         motion: bool = True,
         mirrored: bool = True,
         written: Vocabulary | None = None,
+        most_captions: int = 0,
     ):
         stores = () if tokens is None else (tokens,) if isinstance(tokens, TokenStore) else tuple(tokens)
         for store in stores:
@@ -130,6 +132,8 @@ class Pairs:
         if not mirrored:
             rows = rows[~corpus.added[rows]]
         first, last = corpus.caption_start[rows], corpus.caption_start[rows + 1]
+        if most_captions:
+            last = np.minimum(last, first + most_captions)
         if all_captions:
             rows = np.repeat(rows, last - first)
             first = np.flatnonzero(np.isin(corpus.captions.clip, rows))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from motionary.corpus.encoding import as_motion, encode, frames_of, listed
-from motionary.dictionary.folder import Folder
+from motionary.dictionary.blending import Blending
 from motionary.dictionary.matches import Match
 from motionary.errors import InputError, check_whole
 from motionary.language import Sentence, annotate, check_prompt
@@ -43,7 +43,7 @@ def load(models: str | Path = "models", device: str = "auto") -> Dictionary:
     return dictionary
 
 
-class Dictionary(Folder):
+class Dictionary(Blending):
     """A folder of trained systems that is asked; see :func:`load`. Several threads may share one: they take turns."""
 
     def generate(
@@ -127,8 +127,8 @@ class Dictionary(Folder):
             found = captioner.caption(features, beams=max(beams, n), n=n, **drawn)
         return found[0] if isinstance(motions, Motion) else found
 
-    def search(self, texts: str | Sequence[str], k: int = 5) -> list[Any]:
-        """The windows of the corpus that lie nearest to a text.
+    def search(self, texts: str | Sequence[str], k: int = 5, system: str | None = None) -> list[Any]:
+        """The windows of the corpus that lie nearest to a text, by the usual system that searches or by `system`.
 
         Returns:
             k of :class:`Match`, nearest first; for several texts a list of k for each.
@@ -138,7 +138,7 @@ class Dictionary(Folder):
         """
         check_whole("k", k, 1)
         sentences = self._sentences(texts)
-        retrieval: CorpusSearch = self._open(SEARCH)
+        retrieval: CorpusSearch = self._open(SEARCH, system)
         sentences = self._corrected(sentences)
         with self._lock:
             queries, found = retrieval.judge.sentences(sentences), retrieval.search(sentences, k)
@@ -149,9 +149,13 @@ class Dictionary(Folder):
         return rows[0] if isinstance(texts, str) else rows
 
     def embed(
-        self, texts: str | Sequence[str] | None = None, motions: Motion | Sequence[Motion] | None = None
+        self,
+        texts: str | Sequence[str] | None = None,
+        motions: Motion | Sequence[Motion] | None = None,
+        system: str | None = None,
     ) -> np.ndarray:
-        """(N, D) float32 vectors of N texts or N motions in the evaluator's space, where matching ones lie near.
+        """(N, D) float32 vectors of N texts or N motions in one space, where matching ones lie near: the evaluator's,
+        or that of another `system`.
 
         Raises:
             InputError: not exactly one of the two is given, or one of them cannot be read.
@@ -160,11 +164,11 @@ class Dictionary(Folder):
             raise InputError("texts, motions", "neither" if texts is None else "both", "give one of the two")
         if texts is not None:
             sentences = self._sentences(texts)
-            judge = self._judge()
+            judge = self._judge(system)
             with self._lock:
                 return judge.sentences(self._corrected(sentences))
         several = listed(motions, Motion, "motions")
-        judge = self._judge()
+        judge = self._judge(system)
         features = [encode(motion, judge.context) for motion in several]
         with self._lock:
             return judge.motions(features)

@@ -88,8 +88,8 @@ class Folder:
 
         return choose_device(self._device)
 
-    def _judge(self) -> TextMotionJudge:
-        return self._open(EMBED)
+    def _judge(self, name: str | None = None) -> TextMotionJudge:
+        return self._open(EMBED, name)
 
     def _once(self, name: str, what: str, build: Callable[[], T]) -> T:
         with self._lock:

@@ -27,13 +27,16 @@ class Protocol:
     generation_repetitions: int = 1
     prompt_samples: int = 10
     batch_size: int = 64
+    position_samples: int = 10
+    position_items: int = 0
     bert_score: bool = True
     real_lengths: bool = True
 
     def __post_init__(self):
         for name, value in vars(self).items():
-            if not isinstance(value, bool) and not 1 <= value <= MOST:
-                raise InputError(f"evaluation.{name}", value, f"must be in 1..{MOST}")
+            least = 0 if name.startswith("position_") else 1
+            if not isinstance(value, bool) and not least <= value <= MOST:
+                raise InputError(f"evaluation.{name}", value, f"must be in {least}..{MOST}")
         if self.multimodality_samples < 2 * self.multimodality_pairs:
             rule = f"must be at least twice multimodality_pairs ({self.multimodality_pairs})"
             raise InputError("evaluation.multimodality_samples", self.multimodality_samples, rule)

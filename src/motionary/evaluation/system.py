@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from motionary.corpus.originals import Originals
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.evaluation.captioning import score_captioner
@@ -12,6 +13,7 @@ from motionary.evaluation.generation import score_generator
 from motionary.evaluation.items import Items
 from motionary.evaluation.jury import Jury
 from motionary.evaluation.round_trip import score_reconstructor
+from motionary.evaluation.sampled_positions import score_positions
 from motionary.evaluation.scores import Protocol
 from motionary.systems.codec import BatchedCodec
 from motionary.systems.io import choose_device, open_system
@@ -22,7 +24,13 @@ SCORED = (TEXT_TO_MOTION, MOTION_TO_TEXT, CODEC)
 
 
 def score_system(
-    name: str, models: Path, corpus: Corpus, protocol: Protocol, seed: int = 0, device: str = "auto"
+    name: str,
+    models: Path,
+    corpus: Corpus,
+    protocol: Protocol,
+    seed: int = 0,
+    device: str = "auto",
+    originals: Originals | None = None,
 ) -> dict[str, Any]:
     """Scores what the system `name` of the folder `models` offers on the test split: motions of texts, texts of
     motions, motions passed through its codes. The folder also holds the system that searches, and the judges."""
@@ -38,6 +46,10 @@ def score_system(
         generator = open_system(name, TEXT_TO_MOTION, models, device)
         nearest = search.index.motions[corpus.rows("train")]
         report |= score_generator(generator, items, jury, seed, nearest)
+        if protocol.position_samples and generator.takes_lengths:
+            samples, most = protocol.position_samples, protocol.position_items
+            size = protocol.batch_size
+            report["joint_errors"] = score_positions(generator, items, samples, most, seed, size, originals)
     if MOTION_TO_TEXT in offers:
         scored = score_captioner(open_system(name, MOTION_TO_TEXT, models, device), items, jury)
         report |= {f"caption_{key}" if key in report else key: value for key, value in scored.items()}
@@ -49,7 +61,9 @@ def score_system(
 
 def judges_of(models: Path) -> list[str]:
     """Names of the judges that lie in a folder of models, the one whose space the search lives in first."""
-    return [name for name in offering(EMBED) if (models / name).is_dir()]
+    # A generator that embeds would judge what it makes in its own space.
+    judges = (name for name in offering(EMBED) if TEXT_TO_MOTION not in find(name).offers)
+    return [name for name in judges if (models / name).is_dir()]
 
 
 def _jury(models: Path, search: CorpusSearch, protocol: Protocol, device: str) -> Jury:

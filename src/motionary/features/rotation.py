@@ -1,12 +1,13 @@
 """The rotation form of a motion, which animates a skinned character (TEMOS 0.B.2), for any skeleton.
 
 A frame is (the root's global rotation, every other joint's local rotation, both as the first two columns of their
-matrices (Zhou et al. 2019), root velocity on the ground, root height): 6 J + 3 numbers, 135 on 22 joints. The paper's z
-is up; ours is y. The whole motion is turned so that its first frame faces ahead; unlike RIFKE's, the velocity is that of
-the ground and not of the body.
+matrices (Zhou et al. 2019), root velocity on the ground, root height): 6 J + 3 numbers, 135 on 22 joints. The paper's
+z is up; ours is y. The whole motion is turned so that its first frame faces ahead; unlike RIFKE's, the velocity is
+that of the ground and not of the body.
 
-The rotations are the true local ones of `Motion`, not those of the HumanML3D features. Decoding places the joints on the
-codec's own skeleton, as the paper's average body does: a motion on other bone lengths comes back in these proportions.
+The rotations are the true local ones of `Motion`, not those of the HumanML3D features. Decoding places the joints on
+the codec's own skeleton, as the paper's average body does: a motion on other bone lengths comes back in these
+proportions.
 """
 
 from __future__ import annotations

@@ -84,6 +84,18 @@ def token_states(texts: Sequence[str], model: str | Path | None = None, device: 
     return found
 
 
+def token_ids(texts: Sequence[str], model: str | Path | None = None) -> list[np.ndarray]:
+    """(tokens,) int64 ids of each text, for who trains the model on; the first 256 count, as for its states."""
+    tokenizer, _ = load_encoder(model_path(model))
+    found = tokenizer(list(texts), truncation=True, max_length=_LONGEST)["input_ids"] if texts else []
+    return [np.asarray(ids, np.int64) for ids in found]
+
+
+def state_dim(model: str | Path | None = None) -> int:
+    """Dimensions of a token's state; InputError where the model is not stored here."""
+    return int(load_encoder(model_path(model))[1].config.hidden_size)
+
+
 def _encoded(texts: Sequence[str], model: str | Path | None, device: str) -> Iterator[tuple[list[int], Any, Any]]:
     """Positions of the texts of a batch, their states (B, N, d) and the mask (B, N, 1) of their tokens, on the CPU."""
     import torch

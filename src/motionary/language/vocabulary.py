@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -110,6 +111,21 @@ class Vocabulary:
             for new, old, tag, previous in zip(words, sentence.words, sentence.tags, before, strict=True)
         )
         return Sentence(sentence.text, words, tags)
+
+    def mended(self, sentence: Sentence) -> str:
+        """The text as a language model should read it: as written, but for typos of known words.
+
+        TEMOS 4.5 found that a typo can spoil a motion, and asks for such a correction beforehand.
+        """
+        corrected = self.correct(sentence)
+        if not sentence.text:
+            return corrected.normalized
+        text = sentence.text
+        for old, new in zip(sentence.words, corrected.words, strict=True):
+            if new not in (old, SPECIAL[UNKNOWN]):
+                # Words are lemmas: their endings stay as they were written.
+                text = re.sub(rf"\b{re.escape(old)}", new, text, count=1, flags=re.IGNORECASE)
+        return text
 
     @cached_property
     def speller(self) -> Speller:

@@ -62,28 +62,48 @@ class PositionErrors:
     ave_global: float
 
 
-def position_errors(predicted: Sequence[Motion], target: Sequence[Motion]) -> PositionErrors:
+def position_errors(
+    predicted: Sequence[Motion], target: Sequence[Motion], joints: Sequence[int] | None = None, factor: float = 1.0
+) -> PositionErrors:
     """APE and AVE of root, ground trajectory, local joints and global joints over a test set (TEMOS appendix C).
 
     Every motion should be canonical (at the origin, facing +z at the first frame). Frames weigh alike in the APE,
     samples in the AVE. The local and global means leave the root out; local joints stand in the body's own frame.
+    Arguments `joints` and `factor` as for :func:`sample_errors`.
     """
     if len(predicted) != len(target) or not predicted:
         raise InputError("predicted, target", f"{len(predicted)} and {len(target)}", "need as many motions, at least 1")
     ape, ave, frames = np.zeros(4), np.zeros(4), 0
     for a, b in zip(predicted, target, strict=True):
-        x, y = _pair(a, b)
-        local_x, local_y = local_pose(a, heights=True), local_pose(b, heights=True)
-        parts = [
-            (x[:, :1], y[:, :1]),
-            (x[:, :1, [0, 2]], y[:, :1, [0, 2]]),
-            (local_x[:, 1:], local_y[:, 1:]),
-            (x[:, 1:], y[:, 1:]),
-        ]
-        ape += [average_position_error(u, v).mean() * len(x) for u, v in parts]
-        ave += [average_variance_error(u, v).mean() for u, v in parts]
-        frames += len(x)
+        errors = sample_errors(a, b, joints, factor)
+        ape += errors[:4] * a.frames
+        ave += errors[4:]
+        frames += a.frames
     return PositionErrors(*(ape / frames).tolist(), *(ave / len(target)).tolist())
+
+
+def sample_errors(
+    predicted: Motion, target: Motion, joints: Sequence[int] | None = None, factor: float = 1.0
+) -> np.ndarray:
+    """(8,) the errors of one sample in the order of :class:`PositionErrors` (TEMOS Eq. 4-6).
+
+    Args:
+        predicted, target: canonical motions of as many frames and the same joints.
+        joints: that count, the root first; None counts all. :mod:`motionary.metrics.mmm` has those of TEMOS Table A.6.
+        factor: on all positions, as .64 for bodies of MMM's size (TEMOS 0.A.6).
+    """
+    x, y = (factor * values for values in _pair(predicted, target))
+    # The body's frame is that of the whole skeleton, whatever is counted.
+    local_x, local_y = (factor * local_pose(motion, heights=True) for motion in (predicted, target))
+    rest = [joint for joint in (range(x.shape[1]) if joints is None else joints) if joint]
+    parts = [
+        (x[:, :1], y[:, :1]),
+        (x[:, :1, [0, 2]], y[:, :1, [0, 2]]),
+        (local_x[:, rest], local_y[:, rest]),
+        (x[:, rest], y[:, rest]),
+    ]
+    ape = [average_position_error(u, v).mean() for u, v in parts]
+    return np.array([*ape, *(average_variance_error(u, v).mean() for u, v in parts)])
 
 
 def mpjpe(predicted: Motion, target: Motion, kind: Kind = "global") -> float:

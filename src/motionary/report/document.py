@@ -16,6 +16,7 @@ from motionary.report.copy_tables import copies
 from motionary.report.corpus_table import corpus_tables
 from motionary.report.physics_tables import physics_tables
 from motionary.report.players import Example, players_html
+from motionary.report.position_tables import position_tables
 from motionary.report.results import Results
 from motionary.report.style_tables import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
@@ -82,6 +83,7 @@ def render(
         ("Captions", _captions(results)),
         ("Parts of the test split", _tables(tables.parts_tables(results))),
         ("Physics", _tables(physics_tables(results))),
+        ("Joint positions", _tables(position_tables(results))),
         ("Prompts", _tables([tables.prompts(results)])),
         ("Stylization", _stylization(results)),
         ("Actions", _actions(results)),

@@ -9,6 +9,7 @@ from motionary.errors import InputError
 from motionary.report import caption_tables, tables
 from motionary.report.copy_tables import copies
 from motionary.report.physics_tables import physics_tables
+from motionary.report.position_tables import position_tables
 from motionary.report.results import Results
 from motionary.report.style_tables import classifiers_table, stylization_tables
 from motionary.report.table import NONE, Table
@@ -41,6 +42,7 @@ def markdown(reports: Path) -> str:
         caption_tables.raw_captions(results),
         caption_tables.captions_by_labels(results),
         *physics_tables(results),
+        *position_tables(results),
         *styled,
         tables.nearest_training(results),
         copies(results),

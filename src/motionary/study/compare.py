@@ -28,7 +28,8 @@ Runs = Mapping[str, Mapping[str, Mapping[str, Measure]]]  # experiment -> system
 
 _REAL = ("Real R@1", "Real R@3")
 _HELD = ("Real lengths R@3", "Real lengths FID")
-_GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_HELD, "Oracle", "Caption NLL")
+_JOINTS = ("APE root (m)", "APE root, best (m)")
+_GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_HELD, *_JOINTS, "Oracle", "Caption NLL")
 _CONSENSUS = ("Consensus BLEU-4", "Consensus R@3")
 _CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3", *_CONSENSUS)
 _CODES = ("Local MPJPE (mm)", "Codes used")
@@ -38,7 +39,7 @@ _STYLED = tuple(
     for heading, key in SCORED
     if key in ("style_accuracy", "content_accuracy", "content_fid", "geodesic", "diversity")
 )  # as in thesis Table 5.6
-_COMPARED = ("R@1", "R@3", "FID", *_HELD, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3", *_CONSENSUS)
+_COMPARED = ("R@1", "R@3", "FID", *_HELD, *_JOINTS, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3", *_CONSENSUS)
 
 
 def measured(folder: Path, system: str) -> dict[str, Measure]:
@@ -71,6 +72,9 @@ def measured(folder: Path, system: str) -> dict[str, Measure]:
     for row, found in (at(own, "style_transfer", HELD_OUT, "rows") or {}).items():
         for heading, key in SCORED:
             values[f"{row}: {heading}"] = at(found, key)
+    for sample, errors in (at(scored, "joint_errors", "rows") or {}).items():
+        if sample == "one sample" or sample.startswith("best"):
+            values[_JOINTS[sample != "one sample"]] = at(errors, "ape_root")
     values["Named action"] = at(scored, "action", "all", "named")
     values["Oracle"] = at(scored, "oracle", "prompts", "confirmed")
     values["Caption NLL"] = at(own, "training", "validation_caption_nll")

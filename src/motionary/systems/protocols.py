@@ -51,6 +51,24 @@ class TextToMotion(Protocol):
         ...
 
 
+class TextBlender(Protocol):
+    """Motions between two texts; `context` is of the corpus that it learned from."""
+
+    context: Context
+
+    def blend(
+        self,
+        first: Sentence,
+        second: Sentence,
+        steps: int = 5,
+        frames: int | None = None,
+        seed: int = 0,
+        greedy: bool = False,
+    ) -> Sequence[Made]:
+        """`steps` motions of one length, the first of one text, the last of the other."""
+        ...
+
+
 class MotionToText(Protocol):
     """Captions of motions.
 
@@ -117,6 +135,12 @@ class TextToLength(Protocol):
 
     def distribution(self, sentences: Sequence[Sentence]) -> np.ndarray:
         """(N, T_max) probabilities of lengths of 1 to T_max units."""
+        ...
+
+    def sample(
+        self, sentences: Sequence[Sentence], seeds: Sequence[int], likeliest: bool = False, temperature: float = 1.0
+    ) -> list[int]:
+        """Frames for each sentence, whole units, drawn by its seed or the likeliest."""
         ...
 
 

@@ -29,6 +29,7 @@ JUDGE_STYLE = "judge_style"  # StyleClassifier
 SEARCH = "search"  # CorpusSearch
 ACT = "act"  # ActionToMotion
 JUDGE_ACTION = "judge_action"  # ActionClassifier
+BLEND = "blend"  # TextBlender
 TELLS = {
     CODEC: "turn motion into codes and back",
     TEXT_TO_MOTION: "turn text into motion",
@@ -40,6 +41,7 @@ TELLS = {
     SEARCH: "search the corpus",
     ACT: "make motions of action labels",
     JUDGE_ACTION: "tell actions apart",
+    BLEND: "go from one text to another",
 }
 
 
@@ -116,6 +118,13 @@ SYSTEMS: tuple[System, ...] = (
         "text2motion", "t2m", "text2motion.Text2Motion", "text2motion.Text2MotionConfig", ("autoencoder",),
         ("text2length",), {CODEC: "open_codec", TEXT_TO_MOTION: "open_motion_generator"}, "build_text2motion",
     ),
+    System(
+        "temos", "temos", "temos.Temos", "temos.TemosConfig", (), ("text2length",),
+        {
+            TEXT_TO_MOTION: "open_generator", BLEND: "open_generator", EMBED: "open_joint_space",
+            SEARCH: "open_joint_search",
+        }, "build_temos",
+    ),
     # Latent stylization, thesis chapter 5
     System("latents", "stylization", "latents.Latents", "latents.LatentsConfig", build="build_latents"),
     System(
@@ -155,7 +164,7 @@ SYSTEMS: tuple[System, ...] = (
 )  # fmt: skip
 
 # Which system answers where several offer the same, the call names none and no report says which is best.
-PREFERRED = {TEXT_TO_MOTION: "text2motion", MOTION_TO_TEXT: "motion2text"}
+PREFERRED = {TEXT_TO_MOTION: "text2motion", MOTION_TO_TEXT: "motion2text", EMBED: "evaluator", SEARCH: "retrieval"}
 
 
 @cache

@@ -11,13 +11,14 @@ import torch
 from motionary.corpus.batches import Batch
 from motionary.errors import InputError
 from motionary.language import Sentence
+from motionary.nn.gaussian import Gaussian, divergence
 from motionary.nn.layers import seeded
 from motionary.nn.noise import normal_noise
 from motionary.systems.io import Trained, build_model, load_model, open_system, save_model
 from motionary.systems.t2m.autoencoder import Autoencoder, AutoencoderConfig
 from motionary.systems.t2m.curriculum import Curriculum
 from motionary.systems.t2m.motion_generator import MotionGenerator
-from motionary.systems.t2m.temporal_vae import Gaussian, divergence, time_to_arrival
+from motionary.systems.t2m.temporal_vae import time_to_arrival
 from motionary.systems.t2m.text2length import Lengths, Text2Length, Text2LengthConfig
 from motionary.systems.t2m.text2motion import Text2Motion, Text2MotionConfig
 from motionary.training.devices import make_fabric

@@ -9,29 +9,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from motionary.nn.gaussian import Gaussian, gaussian
 from motionary.nn.layers import TextEncoder, initialize, length_mask, positional_encoding
 from motionary.nn.precision import widened
 from motionary.nn.recurrent import gru_step
 
 SLOPE = 0.2  # of every leaky rectifier
-LEAST_LOG_VARIANCE, MOST_LOG_VARIANCE = -12.0, 6.0  # keeps the KL term and its gradient finite
-
-
-class Gaussian(NamedTuple):
-    """Independent normal distributions: mean and logarithm of the variance, (..., z) each."""
-
-    mean: Tensor
-    log_variance: Tensor
-
-    def sample(self, noise: Tensor) -> Tensor:
-        """A draw, from standard normal noise of the same shape."""
-        return self.mean + noise * torch.exp(0.5 * self.log_variance)
-
-
-def divergence(q: Gaussian, p: Gaussian) -> Tensor:
-    """KL(q || p) (...,) in nats, summed over the last dimension: the closed form of Eq. 4.6's third term."""
-    distance = (q.mean - p.mean).square() + q.log_variance.exp()
-    return 0.5 * (p.log_variance - q.log_variance + distance * torch.exp(-p.log_variance) - 1).sum(-1)
 
 
 def time_to_arrival(length: Tensor, steps: int, dim: int) -> Tensor:
@@ -201,10 +184,3 @@ class TemporalVAE(nn.Module):
     def _next(self, true: Tensor, hidden: Tensor, forced: Tensor) -> Tensor:
         """What is read next: the true code where forced, else the generated one."""
         return true if bool(forced.all()) else torch.where(forced, true, self.decode(hidden))
-
-
-def gaussian(parameters: Tensor) -> Gaussian:
-    """Means and logarithms of variances (..., 2z) as distributions of 32 bits; the logarithms are kept in a finite
-    range."""
-    mean, log_variance = widened(parameters).chunk(2, dim=-1)
-    return Gaussian(mean, log_variance.clamp(LEAST_LOG_VARIANCE, MOST_LOG_VARIANCE))

@@ -1,0 +1,39 @@
+"""From one text to another, step by step."""
+
+from __future__ import annotations
+
+from motionary.corpus.encoding import as_motion, frames_of
+from motionary.dictionary.folder import Folder
+from motionary.errors import check_whole
+from motionary.language import annotate, check_prompt
+from motionary.motion import Motion
+from motionary.systems.protocols import TextBlender
+from motionary.systems.registry import BLEND
+
+
+class Blending(Folder):
+    """What a folder's systems make of two texts at once."""
+
+    def blend(
+        self, first: str, second: str, steps: int = 5, seconds: float | None = None, seed: int = 0,
+        system: str | None = None,
+    ) -> list[Motion]:  # fmt: skip
+        """`steps` motions of one length, the first of one text, the last of the other, the rest between them.
+
+        Args:
+            first, second: English texts.
+            steps: at least 2.
+            seconds: length, rounded to whole motion tokens; None draws it from the first text.
+            seed: equal texts, steps, length and seed give equal motions.
+            system: the system that mixes texts; None takes the usual one.
+
+        Raises:
+            InputError: a text that cannot be read, a value out of range, a system that is not there.
+        """
+        check_whole("steps", steps, 2)
+        check_whole("seed", seed, 0)
+        one, other = annotate([check_prompt(first, "first"), check_prompt(second, "second")])
+        blender: TextBlender = self._open(BLEND, system)
+        frames = None if seconds is None else frames_of(seconds, blender.context)
+        with self._lock:
+            return [as_motion(made, blender.context) for made in blender.blend(one, other, steps, frames, seed)]
