@@ -4,7 +4,7 @@ import yaml
 
 from motionary.pipeline.code import FOLDER, Code
 from motionary.study.experiments import paths_of, with_values
-from motionary.systems.registry import EMBED, filled, find, offering, served_by
+from motionary.systems.registry import filled, find, judges, served_by
 
 # Stages without a model of their own.
 PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "action_evaluation", "report"}
@@ -64,7 +64,7 @@ def test_an_evaluation_hangs_on_every_model_that_it_opens(repository):
     found = with_values(pipeline, params)["stages"]
     for system in params["evaluation"]["systems"]:
         models = {path for path in found[f"evaluation@{system}"]["deps"] if path.startswith("models/")}
-        assert models == {f"models/{name}" for name in served_by([system, "retrieval", *offering(EMBED)])}
+        assert models == {f"models/{name}" for name in served_by([system, "retrieval", *judges()])}
     assert "models/text2length" in found["evaluation@text2motion"]["deps"]
     assert "models/text2length" not in found["text2motion"]["deps"]  # it is trained without
 

@@ -18,7 +18,7 @@ from motionary.evaluation.scores import Protocol
 from motionary.systems.codec import BatchedCodec
 from motionary.systems.io import choose_device, open_system
 from motionary.systems.protocols import CorpusSearch
-from motionary.systems.registry import CODEC, EMBED, MOTION_TO_TEXT, SEARCH, TEXT_TO_MOTION, find, offering
+from motionary.systems.registry import CODEC, EMBED, MOTION_TO_TEXT, SEARCH, TEXT_TO_MOTION, find, judges, offering
 
 SCORED = (TEXT_TO_MOTION, MOTION_TO_TEXT, CODEC)
 
@@ -61,9 +61,7 @@ def score_system(
 
 def judges_of(models: Path) -> list[str]:
     """Names of the judges that lie in a folder of models, the one whose space the search lives in first."""
-    # A generator that embeds would judge what it makes in its own space.
-    judges = (name for name in offering(EMBED) if TEXT_TO_MOTION not in find(name).offers)
-    return [name for name in judges if (models / name).is_dir()]
+    return [name for name in judges() if (models / name).is_dir()]
 
 
 def _jury(models: Path, search: CorpusSearch, protocol: Protocol, device: str) -> Jury:

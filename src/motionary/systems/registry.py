@@ -199,6 +199,12 @@ def offering(offer: str, among: Iterable[str] | None = None) -> tuple[str, ...]:
     return tuple(sorted(found, key=lambda name: name != PREFERRED.get(offer)))
 
 
+def judges() -> tuple[str, ...]:
+    """Names of the systems that judge the others: those that embed, and make no motions, which they would judge in their
+    own space."""
+    return tuple(name for name in offering(EMBED) if TEXT_TO_MOTION not in find(name).offers)
+
+
 def filled(name: str, sections: Callable[[str], Mapping[str, Any]] = lambda _: {}) -> dict[str, str]:
     """The system in each role that a system needs or asks for when it answers.
 
