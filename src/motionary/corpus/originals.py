@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -48,4 +49,7 @@ class Originals:
         end = begin + (clips.length[row] - 1) / context.fps
         motion = retarget(without_bind_pose(motion), context.skeleton)
         first, last = round(begin * motion.fps), min(round(end * motion.fps), motion.frames - 1)
-        return canonicalize(motion.crop(first, last + 1))
+        found = canonicalize(motion.crop(first, last + 1))
+        # The corpus's floor is below its own frames; between them a foot may be lower.
+        down = found.positions[0, 0, 1] - self.corpus.motion(row).positions[0, 0, 1]
+        return replace(found, positions=found.positions - [0, down, 0])

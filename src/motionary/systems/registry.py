@@ -200,8 +200,8 @@ def offering(offer: str, among: Iterable[str] | None = None) -> tuple[str, ...]:
 
 
 def judges() -> tuple[str, ...]:
-    """Names of the systems that judge the others: those that embed, and make no motions, which they would judge in their
-    own space."""
+    """Names of the systems that judge the others: those that embed and make no motions, which they would judge in
+    their own space."""
     return tuple(name for name in offering(EMBED) if TEXT_TO_MOTION not in find(name).offers)
 
 
