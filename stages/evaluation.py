@@ -3,8 +3,6 @@
 from _project import ROOT  # isort: skip
 import hydra
 
-from motionary.corpus.config import DataConfig
-from motionary.corpus.originals import Originals
 from motionary.corpus.store import Corpus
 from motionary.errors import configure
 from motionary.evaluation.scores import Protocol
@@ -17,14 +15,12 @@ from motionary.pipeline.stage import Stage, run_stage
 def main(config):
     """the judges, models/retrieval, models/<system> -> reports/evaluation/<system>.json"""
     system = config.evaluation.system
-    with Stage("evaluation", config, ROOT, sections=("data", "source.roots"), label=system) as stage:
+    with Stage("evaluation", config, ROOT, label=system) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
         models = stage.serving("retrieval", system, *judges_of(ROOT / "models"))
         settings = {k: v for k, v in stage.section.items() if k not in ("system", "systems")}
         protocol = configure(Protocol, settings, "evaluation")
-        data = DataConfig.from_mapping({**stage.values["data"], "roots": stage.values["source"]["roots"]})
-        originals = Originals(corpus, data, ROOT)
-        report = score_system(system, models, corpus, protocol, stage.seed, config.device, originals)
+        report = score_system(system, models, corpus, protocol, stage.seed, config.device)
         stage.report(report | {"code": stage.code}, f"reports/evaluation/{system}.json")
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from tqdm import tqdm
 
 from motionary.corpus.encoding import as_motion
-from motionary.corpus.originals import Originals
 from motionary.evaluation.items import Items, sentence_of
 from motionary.metrics.intervals import paired_bootstrap
 from motionary.metrics.mmm import SCALE, mmm_joints
@@ -18,6 +17,16 @@ from motionary.metrics.position import PositionErrors, sample_errors
 from motionary.motion import Motion, heading
 from motionary.motion.facing import rotate_y
 from motionary.systems.protocols import TextToMotion
+
+
+class AtSourceRate(Protocol):
+    """Real motions with more frames than the corpus keeps, as :class:`motionary.corpus.originals.Originals` reads them.
+    Not imported: a mended reader of files would make every evaluation run again."""
+
+    def motion(self, row: int) -> Motion | None:
+        """Window `row` of the corpus, None where its source has no more frames."""
+        ...
+
 
 ERRORS = tuple(field.name for field in fields(PositionErrors))
 
@@ -29,7 +38,7 @@ def score_positions(
     most: int = 0,
     seed: int = 0,
     batch_size: int = 64,
-    originals: Originals | None = None,
+    originals: AtSourceRate | None = None,
 ) -> dict[str, Any]:
     """APE and AVE with true durations, for the first caption of each item.
 
@@ -84,7 +93,7 @@ def ahead(motion: Motion) -> Motion:
     return Motion(rotate_y(positions, -heading(motion)[0]), motion.fps, motion.skeleton)
 
 
-def _original(originals: Originals | None, row: int) -> Motion | None:
+def _original(originals: AtSourceRate | None, row: int) -> Motion | None:
     found = None if originals is None else originals.motion(row)
     return None if found is None else ahead(found)
 

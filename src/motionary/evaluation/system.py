@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from motionary.corpus.originals import Originals
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.evaluation.captioning import score_captioner
@@ -24,13 +23,7 @@ SCORED = (TEXT_TO_MOTION, MOTION_TO_TEXT, CODEC)
 
 
 def score_system(
-    name: str,
-    models: Path,
-    corpus: Corpus,
-    protocol: Protocol,
-    seed: int = 0,
-    device: str = "auto",
-    originals: Originals | None = None,
+    name: str, models: Path, corpus: Corpus, protocol: Protocol, seed: int = 0, device: str = "auto"
 ) -> dict[str, Any]:
     """Scores what the system `name` of the folder `models` offers on the test split: motions of texts, texts of
     motions, motions passed through its codes. The folder also holds the system that searches, and the judges."""
@@ -49,7 +42,7 @@ def score_system(
         if protocol.position_samples and generator.takes_lengths:
             samples, most = protocol.position_samples, protocol.position_items
             size = protocol.batch_size
-            report["joint_errors"] = score_positions(generator, items, samples, most, seed, size, originals)
+            report["joint_errors"] = score_positions(generator, items, samples, most, seed, size)
     if MOTION_TO_TEXT in offers:
         scored = score_captioner(open_system(name, MOTION_TO_TEXT, models, device), items, jury)
         report |= {f"caption_{key}" if key in report else key: value for key, value in scored.items()}
