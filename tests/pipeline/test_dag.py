@@ -81,7 +81,7 @@ def test_a_role_is_filled_as_the_configuration_says():
 
 
 def test_the_map_is_short(repository):
-    assert len((repository / "dvc.yaml").read_text().splitlines()) <= 350
+    assert len((repository / "dvc.yaml").read_text().splitlines()) <= 450  # 350 before TEMOS and action2motion moved in
 
 
 def test_the_page_depends_on_every_report_that_it_shows(repository):
