@@ -23,29 +23,7 @@ ARCHITECTURES = ("transformer", "gru")
 
 @dataclass(frozen=True)
 class TemosConfig:
-    """Settings of TEMOS; the defaults are the paper's (0.D), but for the heads.
-
-    Attributes:
-        features: "rifke" (0.B.1) or "rotation" (0.B.2), which animates a skinned character.
-        fps: frames per second that are learned.
-        latent: dimensions of z and of the Transformers.
-        num_layers, num_heads, dim_feedforward, dropout: of the Transformers. The paper's 6 heads do not divide 256; 4
-            do, and each has 64 dimensions.
-        text_layers, text_heads: of the text encoder (Table A.4); 0 takes those of the others.
-        architecture: "transformer", or "gru" in all three networks (Table 3).
-        deterministic: one token and no KL terms (Table 2).
-        motion_encoder: False trains the text branch alone, "w/o M_enc" of Table 3.
-        cross_kl: the first two terms of Eq. 2; False is "w/o cross-modal KL losses" of Table 3.
-        prior_kl: its last two; False is "w/o Gaussian priors".
-        kl_weight, embedding_weight: lambda_KL and lambda_E; 0 is without. Each KL is the sum over z's dimensions,
-            averaged over the batch; the released code averages over dimensions too, which makes it 256 times less.
-        language_model: path or name of any locally stored Hugging Face encoder (Table A.5); "" is the packaged one.
-        fine_tune: train the language model too (Table 4).
-        max_frames: longer windows are left out of training (0.A.1); 0 takes all.
-        most_captions: of a clip, that training draws from; 0 takes all.
-        text_dim: dimensions of the language model's states (the stage takes them from there).
-        temperature: factor on the standard deviation of z, where a call does not say otherwise.
-    """
+    """Settings of TEMOS, here the paper's (0.D) but for the heads; conf/temos.yaml explains each."""
 
     features: str = "rifke"
     fps: float = 12.5
@@ -67,7 +45,7 @@ class TemosConfig:
     fine_tune: bool = False
     max_frames: int = 500
     most_captions: int = 0
-    text_dim: int = 384
+    text_dim: int = 384  # of the language model's states; the stage takes it from there
     temperature: float = 1.0
 
     def __post_init__(self) -> None:
