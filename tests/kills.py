@@ -21,6 +21,7 @@ import time
 from pathlib import Path
 
 import psutil
+from very_small import REST, SHORT, TRAINED
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 COPIED = ("conf", "stages", "src", "data/sources/.gitignore", "dvc.yaml", ".gitignore", ".dvcignore", ".dvc/config")
@@ -38,31 +39,6 @@ MADE = (
 )
 COMPARED = ("models", "reports", "data/corpus", "data/sources")
 LONGEST = 25.0  # seconds until a kill; a stage takes about ten
-SHORT = {"steps": 6, "batch_size": 4, "validate_every": 2}
-TRAINED = {
-    "autoencoder": {"width": 8, "code_dim": 8},
-    "tokenizer": {"codebook_size": 8, "code_dim": 8, "width": 8, "fine_width": 8},
-    "evaluator": {"text_width": 8, "motion_width": 8, "dim": 8},
-    "motion2text": {"width": 16, "num_layers": 1, "dim_feedforward": 16, "num_heads": 2, "offsets": 1, "ensemble": 1},
-    "text2token": {"text_width": 8, "width": 16},
-    "inverse_alignment": {},
-    "text2length": {"text_width": 8},
-    "text2motion": {"text_width": 8, "width": 16, "attention_width": 8, "latent": 4},
-    "latents": {"width": 8, "code_dim": 8},
-    "global_motion": {"width": 8},
-    "stylization": {"width": 8, "content_dim": 4, "style_dim": 4},
-    "style_evaluator": {"width": 8, "dim": 4, "window": 64},
-}
-REST = {
-    "scale": "micro",
-    "data": {"clips": 48, "mirror": False, "workers": 1, "ratios": [0.5, 0.2, 0.3]},
-    "evaluation": {
-        "repetitions": 2, "pool": 4, "diversity_pairs": 4, "multimodality_texts": 2, "multimodality_samples": 4,
-        "multimodality_pairs": 2, "prompt_samples": 1, "bert_score": False, "batch_size": 8,
-    },
-    "style_evaluation": {"repetitions": 2, "contents": 2, "diversity_contents": 1, "diversity_samples": 2, "codes": 20},
-    "report": {"examples": 1},
-}  # fmt: skip
 # Who is killed: the run alone (what it started must end with it), a stage or its DVC alone, or all at once.
 VICTIMS = ("run", "stage", "dvc", "all")
 
@@ -123,6 +99,14 @@ class Project:
                 continue
         return found
 
+    def wait_for_stage(self, run: subprocess.Popen) -> None:
+        """Until a stage is at work, or the run has ended."""
+        while run.poll() is None:
+            lines = (" ".join(_line(process)) for process in self.processes())
+            if any(" stages/" in line and "stages/_" not in line for line in lines):
+                return
+            time.sleep(0.2)
+
     def kill(self, run: subprocess.Popen, victim: str) -> list[str]:
         """Kills; returns what, as commands."""
         lines = [(process, " ".join(_line(process))) for process in self.processes()]
@@ -173,6 +157,8 @@ def kill_and_go_on(project: Project, record: dict, seed: int, most: int, until: 
         elif time.monotonic() + LONGEST > until:
             return False
         run = project.start()
+        if draw.random() < 0.8:  # most moments lie among stages; a run prepares itself for a while
+            project.wait_for_stage(run)
         try:
             code = run.wait(seconds)
         except subprocess.TimeoutExpired:
