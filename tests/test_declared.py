@@ -26,6 +26,7 @@ UNIMPORTED = {  # declared, and used without an import
     "hydra-submitit-launcher": "hydra/launcher=submitit_slurm, on a cluster",
     "ruff": "make check",
     "pyright": "make check",
+    "pytest-xdist": "make test, on every core",
 }
 VERBS = ("generate", "caption", "stylize", "search", "convert")
 
