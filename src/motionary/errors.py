@@ -29,6 +29,10 @@ class InputError(ValueError):
         self.what, self.value, self.rule = _printable(what), value, _printable(rule)
         super().__init__(f"{self.what}: {shortened(value)}: {self.rule}")
 
+    def of(self, file: object) -> InputError:
+        """The same error, which names a file."""
+        return InputError(f"{file}, {self.what}", self.value, self.rule)
+
     def __reduce__(self):
         # Exceptions cross process borders (parallel preprocessing); rebuild from the three parts.
         return type(self), (self.what, shortened(self.value, 1000), self.rule)

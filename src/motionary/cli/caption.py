@@ -27,11 +27,11 @@ def _run(options: argparse.Namespace) -> None:
     """A line for each caption, after its file's name where there are several files."""
     motions = shared.read_files(options)
     names = ("n", "beams", "system", "seed", "temperature", "consensus")
+    asked = {name: getattr(options, name) for name in names}
     dictionary = shared.open_models(options)
-    with shared.naming(", ".join(options.files), options.models):
-        found = dictionary.caption(motions, **{name: getattr(options, name) for name in names})
-    several = len(found) > 1
-    pairs = list(zip(options.files, found, strict=True))
+    found = shared.all_or_each(options, motions, lambda several: dictionary.caption(several, **asked))
+    several = len(options.files) > 1
+    pairs = [(file, found[file]) for file in options.files if file in found]
     lines = [f"{file}\t{text}" if several else text for file, texts in pairs for text in texts]
     shared.show(options, [{"file": file, "captions": texts} for file, texts in pairs], lines)
 

@@ -54,7 +54,7 @@ def build_parser(commands: Sequence[Command]) -> argparse.ArgumentParser:
             epilog=_shown(command.examples),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        own.set_defaults(run=command.run)
+        own.set_defaults(run=command.run, failed=False)
         command.arguments(own)
     return parser
 

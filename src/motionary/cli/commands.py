@@ -36,13 +36,13 @@ def _short_warnings() -> Iterator[None]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one command and returns its exit code: 0, 2 on bad input, 130 when interrupted."""
+    """Runs one command and returns its exit code: 0, 2 on bad input (one bad file of several), 130 when interrupted."""
     try:
         options = build_parser(COMMANDS).parse_args(arguments)
         with _short_warnings():
             options.run(options)
         sys.stdout.flush()
-        return 0
+        return 2 if options.failed else 0
     except BrokenPipeError:  # the reader of a pipe went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

@@ -6,10 +6,10 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from motionary.errors import InputError
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from motionary.dictionary import Dictionary
     from motionary.motion import Motion
 
+T = TypeVar("T")
+R = TypeVar("R")
 _READ = "bvh, amc, npz or npy"
 
 
@@ -79,10 +81,10 @@ def read_prompts(options: argparse.Namespace) -> list[str]:
         raise InputError("prompt", "none", "give one, or --file, or lines on standard input")
     where = "standard input" if file in (None, "-") else str(file)
     try:
-        text = sys.stdin.read() if where == "standard input" else Path(where).read_text(encoding="utf-8")
+        text = sys.stdin.read() if where == "standard input" else Path(where).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(where, error, "must be a text file with one prompt a line") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    lines = [(number, line) for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), 1) if line.strip()]
     if not lines:
         raise InputError(where, "empty", "must hold one prompt a line")
     return [check_prompt(line, f"{where}, line {number}") for number, line in lines]
@@ -119,11 +121,52 @@ def add_cut(add: argparse.ArgumentParser) -> None:
     add.add_argument("--end", type=float, help="seconds up to which it counts")
 
 
-def read_files(options: argparse.Namespace) -> list[Motion]:
-    """The motions of FILE, cut."""
+def read_files(options: argparse.Namespace) -> dict[str, Motion]:
+    """The motions of FILE by file, cut. A file that cannot be read is said, and the others stay (see :func:`each`)."""
     from motionary.formats import read_motion
 
-    return [cut(read_motion(path, fps=options.fps, **reading(options)), options) for path in options.files]
+    def read(path: str) -> Motion:
+        return cut(read_motion(path, fps=options.fps, **reading(options)), options)
+
+    return each(options, {path: path for path in options.files}, read)
+
+
+def each(options: argparse.Namespace, given: Mapping[str, T], done: Callable[[T], R]) -> dict[str, R]:
+    """What is done to each file's value. One that fails is said with its file's name, and the command ends with code 2
+    after the others are done.
+
+    Raises:
+        InputError: an option is wrong, or all failed; of several, all but the last were said.
+    """
+    found: dict[str, R] = {}
+    errors: dict[str, InputError] = {}
+    asked = {*vars(options), options.mapping}
+    for file, value in given.items():
+        try:
+            found[file] = done(value)
+        except InputError as error:
+            if error.what.strip("-") in asked:
+                raise  # of no single file: an option is wrong
+            errors[file] = error
+    if 1 < len(errors) == len(set(options.files)) and len({str(error) for error in errors.values()}) == 1:
+        raise next(iter(errors.values()))  # what all files have in common is said once
+    lines = [_named(error, file, getattr(options, "models", None)) for file, error in errors.items()]
+    for line in lines[: None if found else -1]:
+        print(f"error: {line}", file=sys.stderr)
+    if not found:
+        raise lines[-1]
+    options.failed = options.failed or bool(lines)
+    return found
+
+
+def all_or_each(
+    options: argparse.Namespace, motions: Mapping[str, Motion], done: Callable[[list[Motion]], list[R]]
+) -> dict[str, R]:
+    """What is done to all motions together, by file; where that fails, to each alone (see :func:`each`)."""
+    try:
+        return dict(zip(motions, done(list(motions.values())), strict=True))
+    except InputError:
+        return each(options, motions, lambda motion: done([motion])[0])
 
 
 @contextmanager
@@ -133,9 +176,13 @@ def naming(file: str | os.PathLike, *others: str | os.PathLike | None) -> Iterat
     try:
         yield
     except InputError as error:
-        if error.what.startswith("--") or any(str(name) in error.what for name in (file, *others) if name):
-            raise
-        raise InputError(f"{file}, {error.what}", error.value, error.rule) from None
+        raise _named(error, file, *others) from None
+
+
+def _named(error: InputError, *files: str | os.PathLike | None) -> InputError:
+    """The error with the first file before it, unless it names one of the files or an option."""
+    told = error.what.startswith("--") or any(str(name) in error.what for name in files if name)
+    return error if told else error.of(files[0])
 
 
 def cut(motion: Motion, options: argparse.Namespace) -> Motion:

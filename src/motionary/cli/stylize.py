@@ -37,10 +37,10 @@ def _run(options: argparse.Namespace) -> None:
         reference = read_motion(options.reference, fps=options.fps, **shared.reading(options))
     dictionary = shared.open_models(options)
     asked = (options.style, reference, options.n, options.seed, options.strength, options.keep_rig)
-    found = dictionary.stylize(motions, *asked)
+    found = shared.all_or_each(options, motions, lambda several: dictionary.stylize(several, *asked))
     rows: list[dict[str, Any]] = []
-    for path, row, made in zip(options.files, names, found, strict=True):
-        for variant, (name, motion) in enumerate(zip(row, made, strict=True)):
+    for path, row in zip(options.files, names, strict=True):
+        for variant, (name, motion) in enumerate(zip(row, found.get(path, []), strict=False)):
             what = {"file": path, "style": options.style, "reference": options.reference, "seed": options.seed}
             seconds = round(motion.duration, 3)
             rows.append(what | {"variant": variant, "seconds": seconds, "files": outputs.write(motion, name)})

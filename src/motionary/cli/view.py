@@ -17,21 +17,23 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--out", metavar="PAGE.html", help="keep the page here (a temporary folder)")
     add_force(add, "an existing page")
     shared.add_reading(add)
+    shared.add_cut(add)
     add.add_argument("--no-open", action="store_true", help="write the page, open no browser")
 
 
 def _run(options: argparse.Namespace) -> None:
     """Writes the page, names it, and opens it unless told not to."""
-    from motionary.formats import read_motion
     from motionary.formats.render.page import write_page
 
-    motions = [read_motion(path, fps=options.fps, **shared.reading(options)) for path in options.files]
+    motions = shared.read_files(options)
     target = options.out
     if target is None:
         target = Path(tempfile.mkdtemp(prefix="motionary-")) / "motions.html"
     elif Path(target).suffix.lower() != ".html":
         raise InputError("--out", target, "a player's name must end in .html")
-    path = write_page(motions, target, [Path(name).stem for name in options.files], force=options.force)
+    shown = [file for file in options.files if file in motions]
+    titles = [Path(file).stem for file in shown]
+    path = write_page([motions[file] for file in shown], target, titles, force=options.force)
     print(path)
     if not options.no_open:
         import webbrowser

@@ -12,6 +12,7 @@ from motionary.motion.rigs import REQUIRED
 
 _INSTANTS = 100  # enough to judge by; long takes cost no more than short ones
 _STEP = 0.1  # s over which speeds are taken
+_FALL_RATE = 20.0  # instants a second at which falls are looked for
 _MOST_WOBBLE = 0.25  # real bones keep their length; points whose bones vary more than this are no body
 
 
@@ -27,6 +28,8 @@ class BodyFrame:
         roles: index into R by role.
         rest: (R, 3) the rest pose in the same axes and unit, where the file has one.
         solid: whether bones keep their length, as a body's do.
+        pull: (n, 3) accelerations of the body's middle over the whole motion, sizes per second squared; (0, 3) where
+            the rate is too low to see a fall.
     """
 
     size: float
@@ -36,6 +39,7 @@ class BodyFrame:
     roles: Mapping[str, int]
     rest: np.ndarray | None
     solid: bool
+    pull: np.ndarray
 
     def __getitem__(self, role: str) -> np.ndarray:
         """(T, 3) places of a joint."""
@@ -60,7 +64,8 @@ class BodyFrame:
         if self.rest is None:
             return None
         still = np.zeros((1, len(self.rest)))
-        return BodyFrame(self.size, self.rest[None], still, np.zeros((1, 3)), self.roles, None, self.solid)
+        nothing = np.zeros((0, 3))
+        return BodyFrame(self.size, self.rest[None], still, np.zeros((1, 3)), self.roles, None, self.solid, nothing)
 
 
 def body_of(
@@ -83,9 +88,9 @@ def body_of(
     index = {role: i for i, role in enumerate(roles)}
     now = positions[at[:, None], joints].astype(np.float64)
     lengths = _bones(now, index)
-    legs, trunk = lengths[:, :4], lengths[:, 4]
-    low, usual, high = (rank(legs, share) for share in (0.1, 0.5, 0.9))
-    size = float(usual.sum() / 2 + rank(trunk, 0.8))
+    ordered = np.sort(lengths, axis=0)
+    low, usual, high = (ordered[round(share * (len(ordered) - 1)), :4] for share in (0.1, 0.5, 0.9))
+    size = float(usual.sum() / 2 + ordered[round(0.8 * (len(ordered) - 1)), 4])
     if not (np.isfinite(size) and size > 0 and usual.min() > 1e-3 * size):
         return None
     now /= size
@@ -99,6 +104,7 @@ def body_of(
         index,
         None if rest is None else rest[joints] / size,
         bool(((high - low) / usual).max() < _MOST_WOBBLE),
+        _pull(positions, [joints[index[role]] for role in REQUIRED], fps) / size,
     )
 
 
@@ -110,6 +116,15 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 def rank(values: np.ndarray, share: float) -> np.ndarray:
     """The value (n,) below which a share of the rows (T, n) lies: by rank, since percentiles take ten times as long."""
     return np.sort(values, axis=0)[round(share * (len(values) - 1))]
+
+
+def _pull(positions: np.ndarray, joints: list[int], fps: float) -> np.ndarray:
+    """(n, 3) second differences of the joints' mean, about 20 a second, in units per second squared."""
+    stride = max(1, round(fps / _FALL_RATE))
+    if fps / stride < 0.7 * _FALL_RATE or len(positions) < 3 * stride:
+        return np.zeros((0, 3))
+    middle = positions[::stride].take(joints, axis=1).mean(axis=1, dtype=np.float64)
+    return np.diff(middle, 2, axis=0) * (fps / stride) ** 2
 
 
 def _bones(places: np.ndarray, roles: Mapping[str, int]) -> np.ndarray:

@@ -6,6 +6,8 @@ elbows back, and people mostly walk that way; in a left-handed world all of it i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from motionary.formats.measure.body_frame import BodyFrame, unit
@@ -14,17 +16,17 @@ from motionary.formats.measure.evidence import Choice, choose
 # Log-odds for forward being where the names put it, fitted on the CMU takes and rounded.
 _WEIGHTS = {"knees": 5.0, "toes": 3.0, "elbows": -2.0, "head": 1.0, "walk": 1.0}
 _AT_REST = {"toes": 2.0}  # what the rest pose adds
-_USUAL = 1.0
+USUAL = {"no": 1.0}
 
 
-def measure_mirror(body: BodyFrame, up: np.ndarray) -> Choice:
-    """ "no" or "yes"; `up` (3,) is the axis that points up."""
+def measure_mirror(body: BodyFrame, up: np.ndarray, usual: Mapping[str, float] | None = None) -> Choice:
+    """ "no" or "yes"; `up` (3,) is the axis that points up; log-odds `usual` in favour of what such files hold."""
     evidence = _evidence(body, up)
-    score = _USUAL + sum(weight * evidence[what] for what, weight in _WEIGHTS.items())
+    score = sum(weight * evidence[what] for what, weight in _WEIGHTS.items())
     if (rest := body.at_rest) is not None and _stands(rest):
         shape = _evidence(rest, up)
         score += sum(weight * shape[what] for what, weight in _AT_REST.items())
-    return choose(("no", "yes"), (score, 0.0))
+    return choose(("no", "yes"), (score, 0.0), USUAL if usual is None else usual)
 
 
 def _evidence(body: BodyFrame, up: np.ndarray) -> dict[str, float]:

@@ -10,7 +10,7 @@ from motionary.formats.measure.evidence import Choice, choose
 # MotionBuilder conversion): 0.45 of them are an inch.
 CMU_UNIT = 0.0254 / 0.45
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "cmu": CMU_UNIT, "dm": 0.1, "ft": 0.3048}
-_USUAL = {"m": 0.0, "cm": 0.0, "mm": -0.5, "in": -0.5, "cmu": -1.0, "dm": -1.0, "ft": -3.0}  # log-odds before any look
+USUAL = {"m": 0.0, "cm": 0.0, "mm": -0.5, "in": -0.5, "cmu": -1.0, "dm": -1.0, "ft": -3.0}  # log-odds before any look
 
 # Leg and trunk together are about three quarters of the stature: 1.30 m of 1.72.
 _ADULT, _SPREAD = 1.30, 0.08  # median, and standard deviation of the logarithm
@@ -21,9 +21,8 @@ _CHILD_SHARE = 0.05
 
 def measure_unit(size: float, usual: dict[str, float] | None = None) -> Choice:
     """The unit (a key of `UNITS`) of a body's leg and trunk; log-odds `usual` in favour of what such files hold."""
-    favour = _USUAL if usual is None else usual
-    scores = [plausible(size * scale) + favour.get(name, 0.0) for name, scale in UNITS.items()]
-    return choose(list(UNITS), scores)
+    seen = [plausible(size * scale) for scale in UNITS.values()]
+    return choose(list(UNITS), seen, USUAL if usual is None else usual)
 
 
 def plausible(size: float) -> float:

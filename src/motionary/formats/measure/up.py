@@ -11,8 +11,9 @@ import numpy as np
 from motionary.formats.measure.body_frame import BodyFrame, rank, unit
 from motionary.formats.measure.evidence import Choice, choose
 
-AXES = {"y": (0, 1, 0), "z": (0, 0, 1), "-y": (0, -1, 0), "-z": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0)}
+AXES = {"y": (0, 1, 0), "z": (0, 0, 1), "x": (1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1), "-x": (-1, 0, 0)}
 _DIRECTIONS = np.array(list(AXES.values()), np.float64)
+_ORDER = [1, 2, 0]  # coordinates of the first three; the last three point the other way
 
 _WEIGHTS = {
     "head over feet": 2.3,
@@ -28,10 +29,14 @@ _WEIGHTS = {
     "pelvis above zero": 1.5,  # the origin is on the ground, and nobody's pelvis is below it
     "starts at zero": -2.0,  # many clips begin over the origin, none with a pelvis in the ground
     "rest pose stands along it": 2.0,
+    "falls": 3.0,  # in flight everything is pulled down by 9.8 m/s^2 and nothing pulls sideways
 }
 # What programs write, before anything is seen.
-_USUAL = {"y": 1.0, "z": 0.5}
+USUAL = {"y": 1.0, "z": 0.5}
 _TRAVEL = 1e-3
+# Gravity in sizes per second squared, for bodies of 1.15 to 1.5 m; what it may be out of the vertical; instants that
+# tell all. On 450 takes 29 have such instants, for the true axis alone. Landing pushes as hard, but no 0.1 s as evenly.
+_GRAVITY, _SIDEWAYS, _FLIGHT = (6.5, 8.5), 1.5, 3
 
 
 def measure_up(body: BodyFrame, usual: dict[str, float] | None = None) -> Choice:
@@ -43,23 +48,21 @@ def measure_up(body: BodyFrame, usual: dict[str, float] | None = None) -> Choice
     """
     evidence = _evidence(body)
     scores = np.array(list(_WEIGHTS.values())) @ np.stack([evidence[what] for what in _WEIGHTS])
-    favour = _USUAL if usual is None else usual
-    return choose(list(AXES), [float(s) + favour.get(name, 0.0) for name, s in zip(AXES, scores, strict=True)])
+    return choose(list(AXES), scores.tolist(), USUAL if usual is None else usual)
 
 
 def _evidence(body: BodyFrame) -> dict[str, np.ndarray]:
     """(6,) for each weight, over the candidates."""
     up = _DIRECTIONS.T
-    height = np.moveaxis(body.places @ up, -1, 0)  # (6, T, R)
-    lowest = height.min(-1)
-    above = height - lowest[..., None]
+    lowest, above = _heights(body.places)
     ordered = np.sort(lowest, axis=1)
     ground, low, high = (ordered[:, round(share * (lowest.shape[1] - 1))] for share in (0.05, 0.1, 0.9))
-    bearing = np.exp(-above / 0.05)
-    slip = (bearing * np.minimum(body.speeds, 3)).sum(-1) / bearing.sum(-1)
-    still = np.exp(-body.speeds / 0.15) + 1e-12
-    still /= still.sum(-1, keepdims=True)
-    moving = np.clip(rank(body.speeds.T, 0.5) / 0.15, 0.02, 1)
+    speeds = np.ascontiguousarray(body.speeds.T, np.float32)
+    bearing = np.exp(-above / np.float32(0.05))
+    slip = np.einsum("rct,rt->ct", bearing, np.minimum(speeds, 3)) / bearing.sum(0)
+    still = np.exp(-speeds / np.float32(0.15)) + np.float32(1e-12)
+    still /= still.sum(0)
+    moving = np.clip(rank(speeds, 0.5) / 0.15, 0.02, 1)
     hips = body.middle("hip")
     head = body["head"] if "head" in body.roles else body.middle("shoulder")
     arms = body.middle("wrist") - body.middle("shoulder")
@@ -73,13 +76,31 @@ def _evidence(body: BodyFrame) -> dict[str, np.ndarray]:
         "below the ground": (lowest < -0.15).mean(1),
         "ground moves": np.minimum(high - low, 2),
         "lowest joint moves": np.minimum(slip, 2).mean(1),
-        "still joint is high": (above * still).sum(-1) @ moving / moving.sum(),
+        "still joint is high": np.einsum("rct,rt->ct", above, still) @ moving / moving.sum(),
         "travels along it": way @ np.abs(up) / way.max(),
         "side leans into it": np.sqrt(((body.across @ up) ** 2).mean(0)),
         "pelvis above zero": np.clip(rank(hips, 0.5) @ up / 0.08, -1, 1),
         "starts at zero": np.exp(-np.abs(body["pelvis"][0] @ up) / 0.02),
         "rest pose stands along it": _standing(body.at_rest),
+        "falls": _falls(body.pull),
     }
+
+
+def _heights(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of (T, R, 3) places: (6, T) the lowest joint's height, and (R, 6, T) every joint's above it, by candidate."""
+    points = np.ascontiguousarray(places.transpose(1, 2, 0)[:, _ORDER], np.float32)
+    low, high = points.min(0), points.max(0)
+    return np.concatenate([low, -high]), np.concatenate([points - low, high - points], axis=1)
+
+
+def _falls(pull: np.ndarray) -> np.ndarray:
+    """(6,) from 0 to 1: how long the body falls freely against the candidate, two instants in a row at least."""
+    if len(pull) < 2:
+        return np.zeros(len(AXES))
+    down = -(pull @ _DIRECTIONS.T)  # (n, 6)
+    aside = np.sqrt(np.maximum((pull**2).sum(1, keepdims=True) - down**2, 0))
+    free = (down > _GRAVITY[0]) & (down < _GRAVITY[1]) & (aside < _SIDEWAYS)
+    return np.minimum((free[1:] & free[:-1]).sum(0) / _FLIGHT, 1)
 
 
 def standing_axis(body: BodyFrame) -> str | None:

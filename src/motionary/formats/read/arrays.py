@@ -22,6 +22,7 @@ _BARE = {22: "smpl22", 24: "smpl22", 52: "smpl22", 21: "kit21"}
 _FEATURES = {263: ("smpl22", 20.0), 251: ("kit21", 12.5)}
 _LOWEST, _HIGHEST = 0.05, 2000.0  # root heights of raw features, in metres or (KIT-ML) millimetres
 _DEFAULT_FPS = 20.0  # HumanML3D's rate, at which bare joint arrays are usually stored
+_FRAMES = 50  # enough to know how long bones are
 _SAME = 0.01  # metres by which bones of one body differ at most
 _OURS = ReadingOptions(up="y", unit=1.0, mirror=False)
 # Bare arrays are nearly always in metres and y up, HumanML3D's way.
@@ -175,7 +176,8 @@ def _on_its_body(found: tuple[Motion, Reading]) -> tuple[Motion, Reading]:
     """The motion with a skeleton of the lengths that its bones have: a layout says how joints hang together, and not
     whose they are. Where they differ by less than a centimetre, the layout's own skeleton stays."""
     motion, reading = found
-    skeleton, joints = motion.skeleton, motion.positions.astype(np.float64)
+    some = np.unique(np.linspace(0, motion.frames - 1, _FRAMES).astype(int))
+    skeleton, joints = motion.skeleton, motion.positions[some].astype(np.float64)
     bones = np.linalg.norm(joints[:, 1:] - joints[:, list(skeleton.parents[1:])], axis=-1)
     lengths, own = np.median(bones, axis=0), skeleton.bone_lengths[1:]
     if np.abs(lengths - own).max() < _SAME or not (own > 0).all():

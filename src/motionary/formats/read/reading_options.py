@@ -28,6 +28,7 @@ class ReadingOptions:
         mirror: reflect left and right, as a file of a left-handed world needs.
         skip_first: drop the first frame, a calibration pose.
         mapping: joint name by role, for rigs that are not known.
+        usual: by "up", "unit" and "mirror", log-odds by value in favour of what other files of the same rig hold.
 
     Raises:
         InputError: an option has no such value.
@@ -38,6 +39,7 @@ class ReadingOptions:
     mirror: bool | None = None
     skip_first: bool | None = None
     mapping: Mapping[str, str] | None = field(default=None, hash=False)
+    usual: Mapping[str, Mapping[str, float]] | None = field(default=None, hash=False)
 
     def __post_init__(self):
         if self.up is not None:
@@ -106,6 +108,7 @@ class Reading:
         roles: where the joints' roles come from: "names", "tree", "mapping", or "unknown".
         told: which of these the user gave.
         probability: of what was measured, 0 to 1 by option.
+        seen: of what was measured, log-odds by option and value of this file's evidence alone, 0 for the best.
         notes: lines about thin or contradicting evidence, each with how to say otherwise.
     """
 
@@ -116,6 +119,7 @@ class Reading:
     roles: str = "names"
     told: tuple[str, ...] = ()
     probability: Mapping[str, float] = field(default_factory=dict)
+    seen: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def line(self) -> str:

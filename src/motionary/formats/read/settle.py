@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from motionary.formats.measure import AXES, UNITS, BodyFrame, Choice, body_of, measure_mirror, measure_unit, measure_up
+from motionary.formats.measure.handedness import USUAL as USUAL_SIDES
+from motionary.formats.measure.unit import USUAL as USUAL_UNIT
 from motionary.formats.measure.unit import plausible
+from motionary.formats.measure.up import USUAL as USUAL_UP
 from motionary.formats.measure.up import standing_axis
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
@@ -78,19 +82,19 @@ def settle(
         chain: length of the rig's longest chain, by which a rig without known roles is scaled.
         usual: by "up" and "unit", log-odds in favour of what such files hold.
     """
-    usual = usual or {}
+    usual = _usual(usual or {}, options.usual or {})
     told = tuple(name for name in ("up", "unit", "mirror", "skip_first") if getattr(options, name) is not None)
     body = None if {"up", "unit", "mirror"} <= set(told) else body_of(positions, roles, fps, rest)
     if body is None or not body.solid:
         return _without_body(body, options, told, chain)
     choices: dict[str, Choice] = {}
     if options.up is None:
-        choices["up"] = measure_up(body, usual.get("up"))
+        choices["up"] = measure_up(body, usual["up"])
     up = options.up or choices["up"].value
     if options.mirror is None:
-        choices["mirror"] = measure_mirror(body, np.array(AXES[up], np.float64))
+        choices["mirror"] = measure_mirror(body, np.array(AXES[up], np.float64), usual["mirror"])
     if options.unit is None:
-        choices["unit"] = measure_unit(body.size, usual.get("unit"))
+        choices["unit"] = measure_unit(body.size, usual["unit"])
     mirrored = options.mirror if options.mirror is not None else choices["mirror"].value == "yes"
     scale = options.scale if options.unit is not None else UNITS[choices["unit"].value]
     reading = Reading(
@@ -99,10 +103,22 @@ def settle(
         mirrored=bool(mirrored),
         told=told,
         probability={name: choice.probability for name, choice in choices.items()},
+        seen={name: choice.seen for name, choice in choices.items()},
         notes=tuple(_thin(choices) + _odd_size(body, scale, options)),
     )
     standing = standing_axis(body) if rest is not None else None
     return Settled(reading, TURNS[up], TURNS[standing or up])
+
+
+def _usual(
+    such: Mapping[str, Mapping[str, float]], rig: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    """By option: log-odds in favour of what such files hold, and of what other files of the same rig hold."""
+    result = {}
+    for option, usual in {"up": USUAL_UP, "unit": USUAL_UNIT, "mirror": USUAL_SIDES}.items():
+        favour, known = such.get(option, usual), rig.get(option, {})
+        result[option] = {name: favour.get(name, 0.0) + known.get(name, 0.0) for name in (*favour, *known)}
+    return result
 
 
 def _without_body(
