@@ -150,7 +150,7 @@ def each(options: argparse.Namespace, given: Mapping[str, T], done: Callable[[T]
             errors[file] = error
     if 1 < len(errors) == len(set(options.files)) and len({str(error) for error in errors.values()}) == 1:
         raise next(iter(errors.values()))  # what all files have in common is said once
-    lines = [_named(error, file, getattr(options, "models", None)) for file, error in errors.items()]
+    lines = [_named(error, file, getattr(options, "models", None), options.mapping) for file, error in errors.items()]
     for line in lines[: None if found else -1]:
         print(f"error: {line}", file=sys.stderr)
     if not found:
