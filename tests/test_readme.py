@@ -45,6 +45,8 @@ def folder(pipeline, tmp_path_factory) -> Path:
     add_temos(root, root / "models")
     for name, index in (("walk.bvh", 3), ("limp.bvh", 4)):
         demo_clip(index)[0].save(root / name)
+        (root / "recordings").mkdir(exist_ok=True)
+        shutil.copy(root / name, root / "recordings")
     return root
 
 
@@ -87,7 +89,7 @@ def test_shell_examples_run_one_after_the_other(folder, monkeypatch, capsys):
         if given[0] != "app":  # served in tests/app
             assert main(given) == 0, f"{command}\n{capsys.readouterr().err}"
         ran.append(given[0])
-    assert {"generate", "caption", "stylize", "search", "convert", "view", "app"} <= set(ran)
+    assert {"generate", "caption", "stylize", "search", "convert", "export", "view", "app"} <= set(ran)
     assert {path.suffix for path in (folder / "out").iterdir()} >= {".bvh", ".glb", ".mp4"}
 
 

@@ -189,3 +189,19 @@ def test_results_return_onto_the_rig_and_rate_of_their_file(d, walk):
     assert made.fps == 30
     assert made.duration == pytest.approx(plain.duration, abs=1 / 20)
     assert np.linalg.norm(made.positions - made.positions[:, :1], axis=-1).max() < 0.75 * 1.4
+
+
+def test_the_shell_gives_each_file_back_on_its_own_rig(models, walk, tmp_path, capsys):
+    child = fit_rotations(walk)
+    child = resample(child.to(child.skeleton.with_offsets(child.skeleton.offsets * 0.7)), 30)
+    child.save(tmp_path / "child.npz")
+    given = ["stylize", str(tmp_path / "child.npz"), "--style", "old", "--format", "npz", "--models", str(models)]
+    found = {}
+    for name, more in {"own": [], "models": ["--no-keep-rig"]}.items():
+        code, printed, error = call(capsys, *given, "--out", str(tmp_path / name), *more)
+        assert code == 0, error
+        found[name] = read_motion(printed.strip())
+    assert found["own"].fps == 30
+    np.testing.assert_allclose(found["own"].skeleton.offsets, child.skeleton.offsets, atol=1e-6)
+    assert found["models"].fps == 20
+    assert found["models"].skeleton.bone_lengths.sum() > 1.3 * child.skeleton.bone_lengths.sum()

@@ -17,7 +17,8 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--reference", metavar="FILE", help="a motion in the wanted style, of a second or two at least")
     add.add_argument("--strength", type=float, default=1.0, help="0 keeps the motion, 1 is the whole style (1)")
     add.add_argument("-n", type=shared.count, default=1, help="variants of each; a reference has only one (1)")
-    add.add_argument("--keep-rig", action="store_true", help="results on the rig and at the rate of each file")
+    keep = {"action": argparse.BooleanOptionalAction, "default": True}
+    add.add_argument("--keep-rig", help="results on the rig and at the rate of each file (yes, unless --onto)", **keep)
     add_outputs(add)
     shared.add_reading(add)
     shared.add_cut(add)
@@ -36,7 +37,8 @@ def _run(options: argparse.Namespace) -> None:
     if options.reference is not None:
         reference = read_motion(options.reference, fps=options.fps, **shared.reading(options))
     dictionary = shared.open_models(options)
-    asked = (options.style, reference, options.n, options.seed, options.strength, options.keep_rig)
+    keep = options.keep_rig and options.onto is None  # onto a third rig by way of the file's own would cost accuracy
+    asked = (options.style, reference, options.n, options.seed, options.strength, keep)
     found = shared.all_or_each(options, motions, lambda several: dictionary.stylize(several, *asked))
     rows: list[dict[str, Any]] = []
     for path, row in zip(options.files, names, strict=True):

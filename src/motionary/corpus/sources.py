@@ -214,26 +214,32 @@ def root_names(paths: Sequence[Path]) -> list[str]:
     ]
 
 
+def source_of(root: Path) -> HumanML3DSource | FolderSource:
+    """The source of a folder by what lies in it: the released layout, or a folder of motions."""
+    name = checked_root(root).resolve().name
+    released = any((root / folder).is_dir() for folder in ("new_joints", "new_joint_vecs"))
+    return (
+        HumanML3DSource(root, name) if released and not (root / "clips.jsonl").is_file() else FolderSource(root, name)
+    )
+
+
 def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
     """Takes stock of a data root: every file with its hash and bytes, motions with their seconds, and listing problems.
 
     Reads headers, not motions; `seconds` is None where a header does not tell (arrays that nothing lists).
     """
     root = checked_root(Path(root))
-    name = root.resolve().name
-    released = any((root / folder).is_dir() for folder in ("new_joints", "new_joint_vecs"))
-    listed = (root / "clips.jsonl").is_file()
-    source = HumanML3DSource(root, name) if released and not listed else FolderSource(root, name)
+    source = source_of(root)
     clips, problems = source.clips()
     rates = {getattr(clip.load, "path", ""): clip.fps for clip in clips}
     strictly = isinstance(source, FolderSource)
     paths = sorted(path for path in root.rglob("*") if path.is_file() and belongs(root, path, strictly))
     with ThreadPoolExecutor(4) as pool:
         work = pool.map(lambda path: describe(path, root, rates.get(str(path))), paths)
-        files = list(tqdm(work, total=len(paths), desc=f"inventory {name}", unit="file", disable=not progress))
+        files = list(tqdm(work, total=len(paths), desc=f"inventory {source.name}", unit="file", disable=not progress))
     known = [file["seconds"] for file in files if file["seconds"] is not None]
     return {
-        "root": name,
+        "root": source.name,
         "clips": len(clips),
         "captions": sum(len(clip.captions) for clip in clips),
         "minutes": round(sum(known) / 60, 3),

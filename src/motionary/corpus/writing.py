@@ -59,18 +59,26 @@ class RunningStatistics:
         return np.sqrt(self.squares / max(self.count, 1))
 
 
-def group_deviation(deviation: np.ndarray, slices: Mapping[str, slice]) -> np.ndarray:
-    """(D,) float32: the deviation averaged within each feature group; root and contacts then divided by 5.
+def group_means(deviation: np.ndarray, slices: Mapping[str, slice]) -> np.ndarray:
+    """(D,) float32: the deviation averaged within each feature group, as in HumanML3D's released Std.npy.
 
-    This is what HumanML3D releases and its papers call "scaled by 5": dividing by a smaller deviation makes the few
-    root and contact features count more. A group that never varies gets 1.
+    A group that never varies gets 1.
     """
     result = np.empty(len(deviation), dtype=np.float64)
-    for name, part in slices.items():
+    for part in slices.values():
         value = float(deviation[part].mean())
-        if value < 1e-6:
-            value = 1.0
-        elif name.startswith("root_") or name == "contacts":
-            value /= 5
-        result[part] = value
+        result[part] = value if value >= 1e-6 else 1.0
+    return result.astype(np.float32)
+
+
+def group_deviation(deviation: np.ndarray, slices: Mapping[str, slice]) -> np.ndarray:
+    """(D,) float32: :func:`group_means`, those of root and contacts divided by 5 where they vary.
+
+    The released training code does this when it starts, and its papers call it "scaled by 5": dividing by a smaller
+    deviation makes the few root and contact features count more.
+    """
+    result = group_means(deviation, slices).astype(np.float64)
+    for name, part in slices.items():
+        if (name.startswith("root_") or name == "contacts") and deviation[part].mean() >= 1e-6:
+            result[part] /= 5
     return result.astype(np.float32)

@@ -3,7 +3,7 @@
 The tagger (spaCy) and the language model (transformers) load when first used, never on import.
 """
 
-from motionary.language.annotate import Sentence, annotate, sentence_from_tokens
+from motionary.language.annotate import Sentence, annotate, sentence_from_tokens, tagged_tokens
 from motionary.language.frozen import PACKAGED, STATE_DIM, model_name, packaged_model, sentence_embeddings
 from motionary.language.lexicon import TAGS
 from motionary.language.mirror import mirror_text
@@ -33,6 +33,7 @@ __all__ = [
     "packaged_model",
     "sentence_embeddings",
     "sentence_from_tokens",
+    "tagged_tokens",
     "word_vectors",
     "written_vocabulary",
 ]

@@ -79,16 +79,35 @@ def sentence_from_tokens(text: str, tokens: Iterable[str]) -> Sentence:
     return Sentence(text, words, _tags(words, [part for _, part in pairs]))
 
 
+def tagged_tokens(texts: Sequence[str]) -> list[tuple[str, ...]]:
+    """Texts as the release writes them: a token "walk/VERB" for each word, its lemma and universal part of speech.
+
+    :func:`sentence_from_tokens` makes of them the sentences that :func:`annotate` makes of the texts.
+    """
+    with _LOCK:
+        distinct = list(dict.fromkeys(texts))
+        found = {text: tuple(map("/".join, words)) for text, words in zip(distinct, _words(distinct), strict=True)}
+    return [found[text] for text in texts]
+
+
 def _parse(texts: list[str]) -> Iterable[Sentence]:
+    for text, pairs in zip(texts, _words(texts), strict=True):
+        words = tuple(word for word, _ in pairs)
+        yield Sentence(text, words, _tags(words, [part for _, part in pairs]))
+
+
+def _words(texts: list[str]) -> Iterable[list[tuple[str, str]]]:
+    """The words of each text: lemma and universal part of speech."""
     from spacy.tokens import Doc
 
+    if not texts:
+        return
     tagger, table = _tagger(), lexicon()
     docs = (Doc(tagger.vocab, words=tokenize(text)) for text in texts)
-    parsed = zip(texts, tagger.pipe(docs, batch_size=_BATCH), strict=True)
-    for text, doc in tqdm(parsed, "captions", len(texts), unit="caption", disable=len(texts) < _LONG):
+    parsed = tagger.pipe(docs, batch_size=_BATCH)
+    for doc in tqdm(parsed, "captions", len(texts), unit="caption", disable=len(texts) < _LONG):
         tokens = [token for token in doc if is_word(token.text)]
-        words = tuple(table.lemma(token.text, token.pos_, token.lemma_.lower()) for token in tokens)
-        yield Sentence(text, words, _tags(words, [token.pos_ for token in tokens]))
+        yield [(table.lemma(token.text, token.pos_, token.lemma_.lower()), token.pos_) for token in tokens]
 
 
 def _tags(words: Sequence[str], parts_of_speech: Sequence[str]) -> tuple[str, ...]:
