@@ -57,10 +57,9 @@ def held_feet(paths: list[np.ndarray], own: list[np.ndarray], fps: float) -> tup
         The moves of the feet, once the root has moved, and that of the root.
     """
     held = [standing(path, fps) for path in paths]
-    missed = []
-    for path, placed in zip(paths, own, strict=True):
-        lift = np.percentile(placed[:, 1], 5) - np.percentile(path[:, 1], 5)
-        missed.append(path + np.array([0, lift, 0]) - placed)
+    # One lift for both: where one foot of the pose stands higher than the other, that is the pose's fault, not the rig's.
+    lift = min(np.percentile(o[:, 1], 5) - np.percentile(path[:, 1], 5) for path, o in zip(paths, own, strict=True))
+    missed = [path + np.array([0, lift, 0]) - o for path, o in zip(paths, own, strict=True)]
     weights = np.stack(held) + _IDLE
     body = (weights[..., None] * np.stack(missed)).sum(0) / weights.sum(0)[:, None]
     return [h[:, None] * (m - body) for h, m in zip(held, missed, strict=True)], body

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.motion.correspondence import UNMAPPED
 from motionary.motion.feet import held_feet, two_bone
 from motionary.motion.fitting import fit_rotations
 from motionary.motion.kinematics import agrees, place
 from motionary.motion.motion import Motion
-from motionary.motion.retargeting import UNMAPPED, retarget
+from motionary.motion.retargeting import retarget
 from motionary.motion.roles import REQUIRED
 from motionary.motion.rotations import (
     euler_to_rotmat,
