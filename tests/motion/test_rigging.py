@@ -199,12 +199,30 @@ def test_round_trips_over_real_rigs(shared_data, people, file):
     rig = read_rig(path)
     for motion in people[:2]:
         _, angles, feet = there_and_back(motion, rig)
-        assert angles.mean() < 2
+        assert np.percentile(angles, 95) < 0.5
         assert np.percentile(feet, 95) < 0.02
     own = motionary.motion.resample(read_motion(path), 20)
     there = own.to(Skeleton.named("smpl22"))
     back = to_rig(there, Rig.of(own.skeleton, own.rotations))
     roles = list(own.skeleton.roles.values())
-    assert degrees(back.rotations, own.rotations)[:, roles].mean() < 2
+    assert np.percentile(degrees(back.rotations, own.rotations)[:, roles], 95) < 2
     feet = list(own.skeleton.feet)
     assert np.percentile(np.linalg.norm((back.positions - own.positions)[:, feet], axis=-1), 95) < 0.02
+
+
+@pytest.mark.real
+def test_feet_of_real_clips_go_on_standing_on_a_rig(shared_data, smpl, planted):
+    """By the contacts that the metric finds anew on the rig: those that are lower there drag; all clips together."""
+    rig = read_rig(shared_data / "bvh" / "motions" / "cc_02_01.bvh")
+    found = []
+    for path in sorted((shared_data / "styled" / "motions").glob("*.npy"))[7::120]:
+        motion = Motion(np.load(path), 20, smpl)
+        there = to_rig(motion, rig)
+        found.append(
+            [foot_skating(m, contacts=c) for m, c in ((motion, None), (there, None), (there, planted(motion)))]
+        )
+    before, after, same = np.array(found).T
+    assert len(before) > 20
+    assert (after <= 1.2 * before + 0.003).all()
+    assert after.mean() <= before.mean()
+    assert same.mean() <= 1.2 * before.mean()

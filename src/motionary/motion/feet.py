@@ -10,6 +10,7 @@ _REACH = (
     0.9995  # of the leg's length: a goal beyond it is approached as far as this, so that knees do not snap straight
 )
 _SLOW, _LOW = 0.4, 0.04  # m/s and metres: a foot that stands moves less, and is lower
+_NEAR = 0.1  # metres: a foot that swings higher keeps the height of the pose
 _IDLE = 0.02  # weight of a foot in the air, against 1 of one that stands
 
 
@@ -45,8 +46,9 @@ def held_feet(paths: list[np.ndarray], own: list[np.ndarray], fps: float) -> tup
     """How far each foot, and before them the root, have to move so that feet stand where they should, (T, 3) each.
 
     The body moves with the foot that stands, which costs the pose nothing; what is left, where both stand, is for the
-    legs. In the air the pose keeps what it has. Heights are measured from where each foot is when it stands (the 5th
-    percentile), since joints of another rig lie higher or lower in the foot.
+    legs. In the air the pose keeps what it has, but near the ground it keeps to the path's height: a foot that comes
+    lower than it did drags. Heights are measured from where each foot is when it stands (the 5th percentile), since
+    joints of another rig lie higher or lower in the foot.
 
     Args:
         paths: (T, 3) where the left and the right foot's joint should go.
@@ -57,12 +59,17 @@ def held_feet(paths: list[np.ndarray], own: list[np.ndarray], fps: float) -> tup
         The moves of the feet, once the root has moved, and that of the root.
     """
     held = [standing(path, fps) for path in paths]
-    # One lift for both: where one foot of the pose stands higher than the other, that is the pose's fault, not the rig's.
+    # One lift for both: where one foot stands higher than the other, that is the pose's fault and not the rig's.
     lift = min(np.percentile(o[:, 1], 5) - np.percentile(path[:, 1], 5) for path, o in zip(paths, own, strict=True))
     missed = [path + np.array([0, lift, 0]) - o for path, o in zip(paths, own, strict=True)]
     weights = np.stack(held) + _IDLE
     body = (weights[..., None] * np.stack(missed)).sum(0) / weights.sum(0)[:, None]
-    return [h[:, None] * (m - body) for h, m in zip(held, missed, strict=True)], body
+    moves = []
+    for path, hold, miss in zip(paths, held, missed, strict=True):
+        above = np.maximum(path[:, 1] - np.percentile(path[:, 1], 5), 0)
+        low = np.maximum(hold, np.exp(-np.square(above / _NEAR)))
+        moves.append(np.stack([hold, low, hold], axis=-1) * (miss - body))
+    return moves, body
 
 
 def standing(joint: np.ndarray, fps: float) -> np.ndarray:

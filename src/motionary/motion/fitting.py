@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from motionary.motion.facing import fill_short, heading
-from motionary.motion.kinematics import agrees, place
+from motionary.motion.kinematics import agrees, local_turns, place
 from motionary.motion.motion import Motion
 from motionary.motion.rotations import (
     TINY,
@@ -61,9 +61,7 @@ def fit_rotations(motion: Motion) -> Motion:
 
 
 def _finished(motion: Motion, skeleton: Skeleton, turned: np.ndarray) -> Motion:
-    local = turned.copy()
-    parents = list(skeleton.parents[1:])
-    local[:, 1:] = turned[:, parents].swapaxes(-1, -2) @ turned[:, 1:]
+    local = local_turns(skeleton, turned)
     rotations = quat_continuation(rotmat_to_unitquat(local))
     return Motion(place(skeleton, local, motion.positions[:, 0]), motion.fps, skeleton, rotations)
 

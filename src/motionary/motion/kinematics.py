@@ -57,3 +57,19 @@ def levels(skeleton: Skeleton) -> list[tuple[list[int], list[int]]]:
         depth[joint] = depth[parent] + 1
     groups = ([j for j, d in enumerate(depth) if d == level] for level in range(1, max(depth) + 1))
     return [(joints, [skeleton.parents[j] for j in joints]) for joints in groups]
+
+
+def global_turns(skeleton: Skeleton, local: np.ndarray) -> np.ndarray:
+    """(T, J, 3, 3) float64 rotations of joints in the world, from those relative to their parents."""
+    turned = local.astype(np.float64)
+    for joint, parent in enumerate(skeleton.parents[1:], 1):
+        turned[:, joint] = turned[:, parent] @ local[:, joint]
+    return turned
+
+
+def local_turns(skeleton: Skeleton, turned: np.ndarray) -> np.ndarray:
+    """(T, J, 3, 3) rotations of joints relative to their parents, from those in the world."""
+    local = turned.copy()
+    parents = list(skeleton.parents[1:])
+    local[:, 1:] = turned[:, parents].swapaxes(-1, -2) @ turned[:, 1:]
+    return local

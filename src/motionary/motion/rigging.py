@@ -17,7 +17,7 @@ from motionary.errors import InputError
 from motionary.motion.correspondence import UNMAPPED
 from motionary.motion.feet import held_feet, two_bone
 from motionary.motion.fitting import fit_rotations
-from motionary.motion.kinematics import agrees, place
+from motionary.motion.kinematics import agrees, global_turns, local_turns, place
 from motionary.motion.motion import Motion
 from motionary.motion.retargeting import retarget
 from motionary.motion.roles import REQUIRED
@@ -94,21 +94,23 @@ def to_rig(motion: Motion, rig: Rig, source: Rig | None = None) -> Motion:
         rig: the target.
         source: the rig that the motion is on; by default its rest pose, or else its own most upright frame.
     """
+    recorded = motion
     if not agrees(motion):
         motion, source = fit_rotations(retarget(motion, Skeleton.named("smpl22"))), None
     assert motion.rotations is not None
     source = source or Rig.of(motion.skeleton, motion.rotations)
     ours, theirs = _common(source), _common(rig)
-    ratio = theirs.legs / ours.legs
-    turned = _globals(motion.skeleton, unitquat_to_rotmat(motion.rotations))
+    # Hips and feet go the way that was recorded: a body in between would slide where this one stands.
+    ratio = theirs.legs / (ours.legs if recorded is motion else _legs(recorded.positions, recorded.skeleton.roles))
+    turned = global_turns(motion.skeleton, unitquat_to_rotmat(motion.rotations))
     carried = _carried(turned, motion.skeleton, ours, rig, theirs)
-    seen = {role: motion.positions[:, j].astype(np.float64) for role, j in motion.skeleton.roles.items()}
-    local = _locals(rig.skeleton, carried)
+    seen = {role: recorded.positions[:, j].astype(np.float64) for role, j in recorded.skeleton.roles.items()}
+    local = local_turns(rig.skeleton, carried)
     placed = _placed(rig.skeleton, local, seen, ratio)
     roles = rig.skeleton.roles
     legs = [(roles[f"{side}_hip"], roles[f"{side}_knee"], roles[f"{side}_ankle"]) for side in _SIDES]
     # A foot turns about its ball when the heel leaves the ground: what stands is the toe, where both rigs have one.
-    sole = "foot" if all(f"{s}_foot" in r.skeleton.roles for r in (source, rig) for s in _SIDES) else "ankle"
+    sole = "foot" if all(f"{s}_foot" in r for r in (seen, roles) for s in _SIDES) else "ankle"
     soles = [roles[f"{side}_{sole}"] for side in _SIDES]
     paths = [seen[f"{side}_{sole}"] * ratio for side in _SIDES]
     moves, body = held_feet(paths, [placed[:, joint] for joint in soles], motion.fps)
@@ -116,7 +118,7 @@ def to_rig(motion: Motion, rig: Rig, source: Rig | None = None) -> Motion:
     for leg, move in zip(legs, moves, strict=True):
         thigh, shin = two_bone(placed[:, leg[0]], placed[:, leg[1]], placed[:, leg[2]], placed[:, leg[2]] + move)
         _turn_leg(rig, carried, leg, thigh, shin)
-    local = _locals(rig.skeleton, carried)
+    local = local_turns(rig.skeleton, carried)
     placed = place(rig.skeleton, local, placed[:, 0])
     return Motion(placed, motion.fps, rig.skeleton, quat_continuation(rotmat_to_unitquat(local)))
 
@@ -127,7 +129,7 @@ def _standing_pose(skeleton: Skeleton, local: np.ndarray) -> np.ndarray:
     People who walk never have both feet flat at once. A foot stands where it is the lower of the two, and most of
     these frames have it flat: the one of median pitch is taken.
     """
-    points, turned = place(skeleton, local, np.zeros((len(local), 3))), _globals(skeleton, local)
+    points, turned = place(skeleton, local, np.zeros((len(local), 3))), global_turns(skeleton, local)
     best = int(np.argmax(_uprightness(points, skeleton)))
     pose, (a, b) = local[best].copy(), skeleton.hips
     heading = np.arctan2(points[:, b, 2] - points[:, a, 2], points[:, a, 0] - points[:, b, 0])
@@ -160,7 +162,7 @@ def _common(rig: Rig) -> _Common:
     """The rig brought from its own pose to the common one."""
     skeleton, model = rig.skeleton, Skeleton.named("smpl22")
     points = place(skeleton, rig.pose, np.zeros(3))
-    turned = _globals(skeleton, rig.pose[None])[0]
+    turned = global_turns(skeleton, rig.pose[None])[0]
     roles = skeleton.roles
     frame = trunk_frames(points[None], skeleton)[0]
     trunk = trunk_frames(model.rest[None], model)[0] @ frame.T
@@ -174,9 +176,13 @@ def _common(rig: Rig) -> _Common:
             moved[f"{side}_{begin}"] = vectors_to_rotmat((base @ bone)[None], wanted[None])[0] @ base
         moved[f"{side}_wrist"] = moved[f"{side}_elbow"]
         moved[f"{side}_ankle"] = moved[f"{side}_foot"] = level
-    legs = [(f"{s}_{a}", f"{s}_{b}") for s in _SIDES for a, b in (("hip", "knee"), ("knee", "ankle"))]
-    length = sum(float(np.linalg.norm(points[roles[a]] - points[roles[b]])) for a, b in legs)
-    return _Common({role: moved[role] @ turned[j] for role, j in roles.items()}, length)
+    return _Common({role: moved[role] @ turned[j] for role, j in roles.items()}, _legs(points[None], roles))
+
+
+def _legs(points: np.ndarray, roles: Mapping[str, int]) -> float:
+    """Median length of both legs, hip to ankle, at joint positions (T, J, 3), metres."""
+    bones = [(roles[f"{s}_{a}"], roles[f"{s}_{b}"]) for s in _SIDES for a, b in (("hip", "knee"), ("knee", "ankle"))]
+    return sum(float(np.median(np.linalg.norm(points[:, a] - points[:, b], axis=-1))) for a, b in bones)
 
 
 def _carried(turned: np.ndarray, skeleton: Skeleton, ours: _Common, rig: Rig, theirs: _Common) -> np.ndarray:
@@ -232,17 +238,3 @@ def _placed(skeleton: Skeleton, local: np.ndarray, seen: dict[str, np.ndarray], 
     ground = np.percentile(np.min([values[:, 1] for values in soles], axis=0), 5)
     placed[..., 1] += ground - np.percentile(placed[:, feet, 1].min(1), 5)
     return placed
-
-
-def _globals(skeleton: Skeleton, local: np.ndarray) -> np.ndarray:
-    turned = local.astype(np.float64)
-    for joint, parent in enumerate(skeleton.parents[1:], 1):
-        turned[:, joint] = turned[:, parent] @ local[:, joint]
-    return turned
-
-
-def _locals(skeleton: Skeleton, turned: np.ndarray) -> np.ndarray:
-    local = turned.copy()
-    parents = list(skeleton.parents[1:])
-    local[:, 1:] = turned[:, parents].swapaxes(-1, -2) @ turned[:, 1:]
-    return local
