@@ -74,7 +74,7 @@ def test_every_motion_is_one_that_the_released_loaders_take(exported):
         assert len(vectors) % 4 == 0
         assert vectors.shape[1:] == (263,)
         assert joints.shape == (len(vectors), 22, 3)
-    assert all(names_of(out, split) for split in SPLITS)
+    assert names_of(out, "train")
     for split in SPLITS:
         assert {f"M{name}" for name in names_of(out, split) if name[0] != "M"} <= set(names_of(out, split))
 
@@ -95,7 +95,8 @@ def test_texts_carry_words_with_their_parts_of_speech(exported):
             if name[0] != "M":
                 assert found == text
     first = next(name for name, row in rows.items() if row["source_path"] == "0.npy" and name[0] != "M")
-    assert said[first][0].split("#")[1] == "a/DET person/NOUN wave/VERB with/ADP the/DET left/ADJ hand/NOUN"
+    second = next(name for name, row in rows.items() if row["source_path"] == "1.npy" and name[0] != "M")
+    assert said[second][0].split("#")[1].startswith("a/DET man/NOUN walk/VERB forward/ADV and/CCONJ turn/VERB")
     assert said[f"M{first}"][0].split("#")[0] == "a person waves with the right hand"
 
 
@@ -141,10 +142,9 @@ def test_reading_it_back_gives_the_same_clips(exported):
         assert [c.text for c in window.captions] == [
             line.rsplit("#", 3)[0] for line in (out / "texts" / f"{name}.txt").read_text().splitlines()
         ]
-        # The facing is smoothed over what the file holds, so that the whole may come back turned by a hair.
+        # A mirrored body is not quite smpl22, whose sides differ: it takes that shape when it is read.
         found, own = (HumanML3D(Skeleton.named("smpl22")).decode(x).positions for x in (features, wanted))
-        assert np.linalg.norm(found - own, axis=-1).mean() < 0.005
-        assert np.linalg.norm(found - own, axis=-1).max() < 0.03
+        assert np.linalg.norm(found - own, axis=-1).max() < (0.02 if clip.mirrored else 1e-5)
 
 
 def test_the_shell_says_what_it_left_out(recordings, tmp_path, capsys):

@@ -1,6 +1,6 @@
 """What retargeting leaves: how two takes of one motion differ on one body, and what a way onto a rig and back costs.
 
-``python -m motionary.bench.rigs twins cc_02_01.bvh captioned/02_01.npy`` prints millimetres by joint, root and heading
+``python -m motionary.bench.rig_trips twins cc_02_01.bvh captioned/02_01.npy`` prints millimetres by joint, root and heading
 removed: of each joint's mean place (what a mapping of rest poses could still mend) and around it (what moves otherwise
 in the two files, which no constant mapping can mend). ``... trips FILE ...`` prints degrees by joint after the way onto
 smpl22 and back, metres of the feet, and how much more or less feet slide.
@@ -70,7 +70,7 @@ def trips(motion: Motion) -> Table:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Prints a table for each pair or file."""
-    parser = argparse.ArgumentParser(prog="python -m motionary.bench.rigs", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m motionary.bench.rig_trips", description=__doc__)
     parser.add_argument("what", choices=("twins", "trips"))
     parser.add_argument("files", nargs="+", metavar="FILE", help="motion files; twins in pairs, one after the other")
     parser.add_argument("--fps", type=float, default=_FPS, help="rate of .npy files (%(default)s)")
