@@ -45,9 +45,18 @@ def folder(pipeline, tmp_path_factory) -> Path:
     add_temos(root, root / "models")
     for name, index in (("walk.bvh", 3), ("limp.bvh", 4)):
         demo_clip(index)[0].save(root / name)
-        (root / "recordings").mkdir(exist_ok=True)
-        shutil.copy(root / name, root / "recordings")
+    write_recordings(root / "recordings")
     return root
+
+
+def write_recordings(folder: Path, people: int = 12) -> None:
+    """A folder of clips, each of another person."""
+    folder.mkdir()
+    lines = []
+    for index in range(people):
+        demo_clip(index)[0].save(folder / f"{index}.bvh")
+        lines.append(json.dumps({"motion": f"{index}.bvh", "subject": f"person {index}"}))
+    (folder / "clips.jsonl").write_text("\n".join(lines) + "\n")
 
 
 def words(command: str) -> list[str]:

@@ -1,6 +1,6 @@
 """What retargeting leaves: how two takes of one motion differ on one body, and what a way onto a rig and back costs.
 
-``python -m motionary.bench.rig_trips twins cc_02_01.bvh captioned/02_01.npy`` prints millimetres by joint, root and heading
+``python -m motionary.bench.rig_trips twins cc_02_01.bvh captioned/02_01.npy`` prints mm by joint, root and heading
 removed: of each joint's mean place (what a mapping of rest poses could still mend) and around it (what moves otherwise
 in the two files, which no constant mapping can mend). ``... trips FILE ...`` prints degrees by joint after the way onto
 smpl22 and back, metres of the feet, and how much more or less feet slide.
