@@ -5,7 +5,7 @@ import hydra
 
 from motionary.corpus.acted import Acted, ActionLabels
 from motionary.corpus.store import Corpus
-from motionary.evaluation.action_scores import judge_real_actions
+from motionary.evaluation.real_actions import judge_real_actions
 from motionary.pipeline.stage import Stage, run_stage
 from motionary.pipeline.train import build, last_losses, train
 from motionary.systems.io import save_model

@@ -16,6 +16,7 @@ from motionary.language import STATE_DIM
 from motionary.nn.layers import seeded
 from motionary.systems.io import Trained, build_model, save_model
 from motionary.systems.registry import SYSTEMS
+from motionary.systems.temos.temos import Temos
 
 NAMES = tuple(system.name for system in SYSTEMS if system.build)
 SMALL = dict(
@@ -45,6 +46,10 @@ def build_all(context: Context, folder: Path, sections: Mapping[str, Mapping[str
             settings = dict(sections[system.name])
         if system.name == "stylization":
             settings |= {"setting": "supervised", "window": 32}
+        if system.name == "action2motion":
+            settings["labels"] = ("run", "walk")
+        if system.name == "action_evaluator":
+            settings["coarse"] = ("run", "walk")
         if system.name == "inverse_alignment":
             settings = {} if sections is None else settings
         with seeded(0):
@@ -53,8 +58,8 @@ def build_all(context: Context, folder: Path, sections: Mapping[str, Mapping[str
         yield system.name, model
 
 
-def batch_for(context: Context, codes: int = 16, seed: int = 0) -> Batch:
-    """Six items, 8 to 32 frames, with every field filled; tokens are below `codes`."""
+def batch_for(context: Context, model: torch.nn.Module, codes: int = 16, seed: int = 0) -> Batch:
+    """Six items, 16 to 32 frames, with every field filled for a model; tokens are below `codes`."""
     batch = make_batch(context, [32, 24, 16, 28, 32, 20], seed)
     draws = torch.Generator().manual_seed(seed)
     batch.token_count = batch.frames // context.unit
@@ -65,4 +70,8 @@ def batch_for(context: Context, codes: int = 16, seed: int = 0) -> Batch:
     batch.state_count = batch.word_count
     batch.joints = torch.randn(6, 32, len(context.skeleton), 3, generator=draws).cumsum(1) * 0.1
     batch.style, batch.action = torch.tensor([0, 1] * 3), torch.tensor([0, 0, 1, 1, 0, 1])
+    batch.fine = batch.style
+    if isinstance(model, Temos):  # it reads features of its own
+        valid = torch.arange(32)[:, None] < batch.frames[:, None, None]
+        batch.motion = torch.randn(6, 32, model.codec.dim, generator=draws) * valid
     return batch

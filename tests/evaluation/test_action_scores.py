@@ -14,7 +14,8 @@ from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.evaluation.action_figures import draw_uses
 from motionary.evaluation.action_measures import REAL, TRAINING, Judged, class_multimodality, values_of
-from motionary.evaluation.action_scores import ActionProtocol, judge_real_actions, score_actions
+from motionary.evaluation.action_scores import ActionProtocol, score_actions
+from motionary.evaluation.real_actions import judge_real_actions
 from motionary.motion import Motion
 from motionary.nn.layers import seeded
 from motionary.systems.action2motion.actor import Actor

@@ -40,7 +40,7 @@ if __name__ == "__main__":
     rank = fabric.global_rank
     context = labeled(make_context())
     for name, model in build_all(context, folder / f"built{rank}"):
-        same = Same(batch_for(context, seed=rank))
+        same = Same(batch_for(context, model, seed=rank))
         history = fit(model, same, same, steps_of(2), fabric)
         assert len(history.train) == 2, name
         save_file(dict(model.state_dict()), folder / f"{name}{rank}.safetensors")

@@ -60,7 +60,7 @@ def count_products(model):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_products_of_every_loss_are_narrow(small, context, name):
-    model, batch = small[name], batch_for(labeled(context))
+    model, batch = small[name], batch_for(labeled(context), small[name])
     start = {key: value.clone() for key, value in model.state_dict().items()}
     losses = {}
     for precision in ("32", "bf16-mixed"):

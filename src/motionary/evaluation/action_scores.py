@@ -13,8 +13,8 @@ from motionary.corpus.acted import Acted, ActionLabels
 from motionary.corpus.store import Corpus
 from motionary.errors import check_range
 from motionary.evaluation.action_measures import REAL, TRAINING, Judged, real_values, values_of
+from motionary.evaluation.real_actions import joints_of
 from motionary.evaluation.scores import summarize
-from motionary.metrics.classification import accuracy, macro_accuracy
 from motionary.metrics.physics import MEASURES, physics
 from motionary.motion import Motion
 from motionary.systems.protocols import ActionClassifier, ActionToMotion
@@ -39,26 +39,6 @@ class ActionProtocol:
         check_range(
             "action_evaluation", self, ("diversity_pairs", "multimodality_pairs", "physics_motions"), 1, 100_000
         )
-
-
-def judge_real_actions(
-    judge: ActionClassifier, corpus: Corpus, labels: ActionLabels, window: int
-) -> dict[str, dict[str, float]]:
-    """Accuracies on real test windows, over all and as the mean of classes, of each classifier that was trained."""
-    rows, found = labels.rows(corpus, "test", mirrored=False), {}
-    for kind, ids in (("coarse", labels.action[rows]), ("fine", labels.fine_ids[rows])):
-        known = ids >= 0
-        if kind in judge.labels and known.any():
-            said = judge.judge(joints_of(Acted(corpus, labels, rows[known], window, random=False)), kind)[0].argmax(1)
-            both = accuracy(said, ids[known]), macro_accuracy(said, ids[known])
-            found[kind] = {"windows": int(known.sum()), "accuracy": round(both[0], 4), "macro": round(both[1], 4)}
-    return found
-
-
-def joints_of(data: Acted) -> list[np.ndarray]:
-    """The middle stretch of every entry, (T, J, 3)."""
-    batch = data.collate(np.arange(len(data)), np.random.default_rng(0))
-    return [row[:count] for row, count in zip(batch.joints.numpy(), batch.frames.tolist(), strict=True)]
 
 
 def score_actions(

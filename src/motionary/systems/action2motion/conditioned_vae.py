@@ -21,20 +21,13 @@ from motionary.systems.trainable import Loss, Trainable
 
 @dataclass(frozen=True)
 class Action2MotionConfig:
-    """Settings of one model; the defaults are the thesis's (3.3).
+    """Settings of one model, here the thesis's (3.3); conf/action2motion.yaml explains each.
 
     Attributes:
         labels: names of the actions, coarse ("walk") or fine ("walk/old"); a label id is a position in them.
         fine: which of the two.
         decoder: plain, lie, glmi_m or glmi_r (Fig. 3.4).
-        width: of every GRU, and of what their encoders write.
         baseline: without latents: the deterministic CondGRU of 3.3, which needs a first pose to start from.
-        latent: dimensions of z.
-        upstream: dimensions of h^o, what GLMI is told beside the poses (Eq. 3.9).
-        generator_layers: of the generator's GRU.
-        kl_start, kl_end: lambda_kl at the beginning and at the end of the training; it rises linearly.
-        align_weight: lambda_align of Eq. 3.10, of the GLMI decoders.
-        teacher_forcing: probability that a sequence reads the true poses and not its own.
     """
 
     labels: tuple[str, ...]
@@ -113,7 +106,7 @@ class Action2Motion(Trainable):
             free = ~forced
             latents = None if z is None else z[free].detach()
             made = self.unroll(condition[free], lambda step, _: None if latents is None else latents[:, step])
-            before = before.index_put((free.nonzero()[:, 0],), _before(made))
+            before = before.index_put((free.nonzero()[:, 0],), _before(made).to(before.dtype))
         hidden, _ = self.generator(_joined(before, condition, z))
         found, _ = self.decoder(hidden, before, None)
         terms = self._terms(found, poses, forced, length_mask(frames, poses.shape[1]))

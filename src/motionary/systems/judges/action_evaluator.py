@@ -23,13 +23,10 @@ from motionary.systems.trainable import Loss, Trainable
 
 @dataclass(frozen=True)
 class ActionEvaluatorConfig:
-    """Attributes:
-    coarse, fine: names of the classes; fewer than two of a kind leave its classifier out.
-    kinds: of labels that are learned, "coarse", "fine" or both.
-    width: of the GRUs (two layers).
-    dim: dimensions of the features.
-    noise: deviation in metres and metres per second of the noise on poses in training.
-    label_smoothing: of the cross-entropy in training.
+    """Settings of the judges of actions (thesis 3.3.1); conf/action_evaluator.yaml explains each.
+
+    Attributes:
+        coarse, fine: names of the classes; fewer than two of a kind leave its classifier out.
     """
 
     coarse: tuple[str, ...] = ()
