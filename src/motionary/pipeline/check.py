@@ -124,8 +124,10 @@ def _check_data(name: str, own: Values, values: Values, root: Path) -> None:
         Skeleton.named(config.skeleton)
     except InputError as error:
         raise InputError("data.skeleton", config.skeleton, error.rule) from None
-    for folder in config.roots:
-        if not (root / folder).is_dir():
+    # In the copy of the project that a queued experiment runs in, folders outside it are found by their absolute paths.
+    absolute = values.get("source", {}).get("roots") or []
+    for number, folder in enumerate(config.roots):
+        if not any((root / place).is_dir() for place in (folder, *absolute[number : number + 1])):
             raise InputError("data.roots", folder, "no such folder")
 
 
