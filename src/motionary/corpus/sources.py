@@ -28,7 +28,7 @@ from motionary.corpus.clips import (
     unknown_keys,
 )
 from motionary.corpus.config import DataConfig
-from motionary.corpus.files_of_root import belongs, describe
+from motionary.corpus.files_of_root import Stock, belongs
 from motionary.corpus.released import HumanML3DSource
 from motionary.errors import InputError
 from motionary.formats.read import ReadingOptions, read_motion_with
@@ -223,10 +223,15 @@ def source_of(root: Path) -> HumanML3DSource | FolderSource:
     )
 
 
-def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
+def inventory(root: str | Path, progress: bool = True, stock: Path | None = None) -> dict[str, Any]:
     """Takes stock of a data root: every file with its hash and bytes, motions with their seconds, and listing problems.
 
     Reads headers, not motions; `seconds` is None where a header does not tell (arrays that nothing lists).
+
+    Args:
+        root: the folder.
+        progress: show a bar.
+        stock: a file beside the project that remembers what was found, so that only changed files are read again.
     """
     root = checked_root(Path(root))
     source = source_of(root)
@@ -234,9 +239,11 @@ def inventory(root: str | Path, progress: bool = True) -> dict[str, Any]:
     rates = {getattr(clip.load, "path", ""): clip.fps for clip in clips}
     strictly = isinstance(source, FolderSource)
     paths = sorted(path for path in root.rglob("*") if path.is_file() and belongs(root, path, strictly))
+    known_files = Stock(stock)
     with ThreadPoolExecutor(4) as pool:
-        work = pool.map(lambda path: describe(path, root, rates.get(str(path))), paths)
+        work = pool.map(lambda path: known_files.describe(path, root, rates.get(str(path))), paths)
         files = list(tqdm(work, total=len(paths), desc=f"inventory {source.name}", unit="file", disable=not progress))
+    known_files.keep()
     known = [file["seconds"] for file in files if file["seconds"] is not None]
     return {
         "root": source.name,

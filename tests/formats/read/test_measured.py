@@ -12,6 +12,8 @@ from turned import ONTO, RESTS, SCALES, Case, bvh_text, cases, rest_frames
 
 from motionary.errors import InputError, InputWarning
 from motionary.formats import read_motion
+from motionary.formats.measure import AXES, body_of
+from motionary.formats.measure.up import _falls
 from motionary.formats.read import read_motion_with
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
@@ -209,3 +211,22 @@ def test_real_clips_turned_scaled_and_mirrored(shared_data, tmp_path, kind):
     least = {"up": 1.0 if kind == "bvh" else 0.98, "unit": 0.99, "mirror": 0.95}
     for name, share in least.items():
         assert len(wrong[name]) <= (1 - share) * CLIPS, (name, wrong[name])
+
+
+@pytest.mark.parametrize("up", ["z", "-y", "x"])
+def test_a_fall_tells_which_way_is_up(up):
+    """A body stiff as a board that flies: no ground, no posture, only gravity, at any rate; upside down as well."""
+    body = np.repeat(points(*person("lies on the back"))[:1], 60, axis=0)
+    for fps in (20, 30, 120):
+        time = np.arange(60) / fps
+        height = np.maximum(2 + 3 * time - 9.81 / 2 * time**2, -3)
+        thrown = body + np.stack([2 * time, height, 0 * time], -1)[:, None]
+        turned = quat_action(np.array(ONTO[up]), thrown)
+        found = body_of(turned, dict(SMPL.roles), fps)
+        assert found is not None
+        falls = _falls(found.pull)
+        assert falls[list(AXES).index(up)] == 1
+        assert falls.sum() == 1
+    still = body_of(body, dict(SMPL.roles), 20)
+    assert still is not None
+    assert not _falls(still.pull).any()
