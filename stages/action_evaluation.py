@@ -10,8 +10,8 @@ from motionary.evaluation.action_figures import draw_uses
 from motionary.evaluation.action_scores import ActionProtocol, score_actions
 from motionary.formats.render.video import render_strip
 from motionary.pipeline.stage import Stage, run_stage
+from motionary.systems.action_protocols import ActionClassifier, ActionToMotion
 from motionary.systems.io import choose_device, open_system
-from motionary.systems.protocols import ActionClassifier, ActionToMotion
 from motionary.systems.registry import ACT, JUDGE_ACTION
 
 

@@ -13,9 +13,10 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 ADVICE = (
@@ -37,6 +38,20 @@ def missing() -> str:
     """What to do when `find` finds nothing, in one line."""
     named = os.environ.get("MOTIONARY_BROWSER")
     return f"MOTIONARY_BROWSER={named} is no browser that runs here; name another or unset it" if named else ADVICE
+
+
+@contextlib.contextmanager
+def launched(flags: list[str]) -> Iterator[Browser]:
+    """A running browser for tests, which fail where there is none."""
+    import pytest
+
+    program = find()
+    if program is None:
+        pytest.fail(missing(), pytrace=False)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=flags)
+        yield browser
+        browser.close()
 
 
 def install() -> str | None:

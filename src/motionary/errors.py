@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from functools import cache
@@ -53,6 +54,16 @@ def shortened(value: object, most: int = _LONGEST) -> str:
     except (RecursionError, ValueError):
         found = f"a {type(value).__name__}"
     return found if len(found) <= most else found[: most - 3] + "..."
+
+
+def exit_code(run: Callable[[], object]) -> int:
+    """Runs a command: 0, or 2 after one line on standard error where an input broke a rule."""
+    try:
+        run()
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
 
 
 class InputWarning(UserWarning):

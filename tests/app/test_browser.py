@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 import pygltflib
 import pytest
-from browser import find, missing
+from browser import launched
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page
 from tiny import add_stylizers
 
 from motionary import read_motion
@@ -51,13 +51,8 @@ def url(pipeline, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    program = find()
-    if program is None:
-        pytest.fail(missing(), pytrace=False)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
-        yield browser
-        browser.close()
+    with launched(FLAGS) as started:
+        yield started
 
 
 @pytest.fixture

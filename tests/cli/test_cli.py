@@ -18,26 +18,12 @@ from shell import call
 from motionary import read_motion
 from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
-from motionary.corpus.demo import demo_clip
 
 
 def shell(*arguments: str, text: str = "") -> subprocess.CompletedProcess:
     """The command as its own process."""
     line = [sys.executable, "-m", "motionary.cli", *arguments]
     return subprocess.run(line, input=text, capture_output=True, text=True, timeout=600)
-
-
-@pytest.fixture
-def clip(tmp_path) -> Path:
-    """A BVH of the demo corpus."""
-    path = tmp_path / "given.bvh"
-    demo_clip(3)[0].save(path)
-    return path
-
-
-@pytest.fixture
-def models(pipeline) -> list[str]:
-    return ["--models", str(pipeline / "models"), "--device", "cpu"]
 
 
 def test_prompts_from_standard_input_become_files(tmp_path, models):

@@ -24,19 +24,6 @@ FLAGS += [("--no-mirror", {"mirror": False}), ("--skip-first", {"skip_first": Tr
 
 
 @pytest.fixture
-def clip(tmp_path) -> Path:
-    """A BVH of the demo corpus."""
-    path = tmp_path / "given.bvh"
-    demo_clip(3)[0].save(path)
-    return path
-
-
-@pytest.fixture
-def models(pipeline) -> list[str]:
-    return ["--models", str(pipeline / "models"), "--device", "cpu"]
-
-
-@pytest.fixture
 def stylers(pipeline, tmp_path) -> list[str]:
     """The same models and untrained stylizers."""
     shutil.copytree(pipeline / "models", tmp_path / "models")

@@ -9,6 +9,7 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
+from acclaim_files import HEADER
 
 from motionary.formats import write_motion
 from motionary.motion import Motion, Skeleton
@@ -176,17 +177,9 @@ def _glb(rng: np.random.Generator, folder: Path) -> Path:
     return path
 
 
-_ASF = """:version 1.10
-:name person
-:units
-  mass 1.0
-  length 0.45
-  angle deg
-:root
-  order TX TY TZ RX RY RZ
-  axis XYZ
-  position 0 0 0
-  orientation 0 0 0
+_ASF = (
+    HEADER
+    + """\
 :bonedata
   begin
     id 1
@@ -210,6 +203,7 @@ _ASF = """:version 1.10
     lhip lfemur
   end
 """
+)
 _AMC = ":FULLY-SPECIFIED\n:DEGREES\n" + "".join(
     f"{i}\nroot 0 {15 + i} 0 0 {i} 0\nlhip {i} 2 3\nlfemur {-i}\n" for i in range(1, 9)
 )

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from acclaim_files import HEADER
 
 from motionary.corpus.demo import demo_clip
 from motionary.pipeline.code import INFRASTRUCTURE, Code
@@ -65,17 +66,9 @@ EXEMPT = {
 
 # Test data -----------------------------------------------------------------------------------------------------------
 
-ASF = """:version 1.10
-:name TEST
-:units
-  mass 1.0
-  length 0.45
-  angle deg
-:root
-   order TX TY TZ RX RY RZ
-   axis XYZ
-   position 0 0 0
-   orientation 0 0 0
+ASF = (
+    HEADER
+    + """\
 :bonedata
 {bones}:hierarchy
   begin
@@ -101,6 +94,7 @@ ASF = """:version 1.10
     rradius rwrist
   end
 """
+)
 BONES = {  # of one side: direction and length
     "hipjoint": ((0.6, -0.8, 0), 2), "femur": ((0, -1, 0), 7), "tibia": ((0, -1, 0), 7), "foot": ((0, -0.3, 1), 2),
     "toes": ((0, 0, 1), 1), "clavicle": ((1, 0.2, 0), 3), "humerus": ((1, 0, 0), 5), "radius": ((1, 0, 0), 3),

@@ -9,8 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from browser import find, missing
-from playwright.sync_api import sync_playwright
+from browser import launched
 
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
@@ -33,13 +32,8 @@ def comparisons(items, pipeline):
 
 @pytest.fixture(scope="module")
 def browser():
-    program = find()
-    if program is None:
-        pytest.fail(missing(), pytrace=False)
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=program, args=FLAGS)
+    with launched(FLAGS) as started:
         yield started
-        started.close()
 
 
 def visit(browser, path, choose, name="ada"):

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from motionary.errors import exit_code
 from motionary.formats import read_motion
 from motionary.metrics import foot_skating
 from motionary.motion import Motion, Skeleton, heading, resample, retarget
@@ -69,19 +70,22 @@ def trips(motion: Motion) -> Table:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Prints a table for each pair or file."""
+    """Prints a table for each pair or file; exit code 2 and one line on bad input."""
     parser = argparse.ArgumentParser(prog="python -m motionary.bench.rig_trips", description=__doc__)
     parser.add_argument("what", choices=("twins", "trips"))
     parser.add_argument("files", nargs="+", metavar="FILE", help="motion files; twins in pairs, one after the other")
     parser.add_argument("--fps", type=float, default=_FPS, help="rate of .npy files (%(default)s)")
     options = parser.parse_args(arguments)
-    motions = [read_motion(file, fps=options.fps if file.endswith(".npy") else None) for file in options.files]
-    if options.what == "twins" and len(motions) % 2:
+    if options.what == "twins" and len(options.files) % 2:
         parser.error("twins must come in pairs")
+    return exit_code(lambda: _print(options))
+
+
+def _print(options: argparse.Namespace) -> None:
+    motions = [read_motion(file, fps=options.fps if file.endswith(".npy") else None) for file in options.files]
     made = map(trips, motions) if options.what == "trips" else map(twins, motions[::2], motions[1::2])
     for table in made:
         print(table.text())
-    return 0
 
 
 if __name__ == "__main__":

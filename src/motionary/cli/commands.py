@@ -22,6 +22,7 @@ def _short_warnings() -> Iterator[None]:
     doubts: list[str] = []
 
     def show(message, category, filename, lineno, file=None, line=None) -> None:
+        """Keeps doubts for the end, and shows any other warning as usual."""
         if issubclass(category, InputWarning):
             doubts.append(f"warning: {message}")
         else:

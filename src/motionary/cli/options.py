@@ -126,6 +126,7 @@ def read_files(options: argparse.Namespace) -> dict[str, Motion]:
     from motionary.formats import read_motion
 
     def read(path: str) -> Motion:
+        """One file, read and cut as asked."""
         return cut(read_motion(path, fps=options.fps, **reading(options)), options)
 
     return each(options, {path: path for path in options.files}, read)

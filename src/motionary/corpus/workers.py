@@ -128,6 +128,7 @@ def _arms_out(motion: Motion) -> bool:
     across = at["left_shoulder"] - at["right_shoulder"]
 
     def cosine(begin: str, end: str, line: np.ndarray) -> float:
+        """Of the angle between a bone and a direction."""
         bone = at[end] - at[begin]
         return float(bone @ line / max(np.linalg.norm(bone) * np.linalg.norm(line), 1e-9))
 

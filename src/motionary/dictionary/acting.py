@@ -10,7 +10,7 @@ import numpy as np
 from motionary.corpus.encoding import as_joints, frames_of, listed
 from motionary.errors import InputError, check_whole
 from motionary.motion import Motion
-from motionary.systems.protocols import ActionToMotion
+from motionary.systems.action_protocols import ActionToMotion
 
 
 def act(

@@ -7,7 +7,7 @@ import numpy as np
 from motionary.corpus.acted import Acted, ActionLabels
 from motionary.corpus.store import Corpus
 from motionary.motion import Motion
-from motionary.systems.protocols import ActionToMotion
+from motionary.systems.action_protocols import ActionToMotion
 
 MOST = 6  # actions in the picture of actions
 

@@ -18,10 +18,14 @@ class PairCounts(Protocol):
     """How many pairs are drawn."""
 
     @property
-    def diversity_pairs(self) -> int: ...
+    def diversity_pairs(self) -> int:
+        """Pairs of Eq. 3.19."""
+        ...
 
     @property
-    def multimodality_pairs(self) -> int: ...
+    def multimodality_pairs(self) -> int:
+        """Pairs a class of Eq. 3.20."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

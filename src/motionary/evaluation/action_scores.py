@@ -17,7 +17,7 @@ from motionary.evaluation.real_actions import joints_of
 from motionary.evaluation.scores import summarize
 from motionary.metrics.physics import MEASURES, physics
 from motionary.motion import Motion
-from motionary.systems.protocols import ActionClassifier, ActionToMotion
+from motionary.systems.action_protocols import ActionClassifier, ActionToMotion
 
 LOCOMOTION = ("walk", "run", "jump")  # actions of Table 3.6, where a corpus has them
 

@@ -7,7 +7,7 @@ import numpy as np
 from motionary.corpus.acted import Acted, ActionLabels
 from motionary.corpus.store import Corpus
 from motionary.metrics.classification import accuracy, macro_accuracy
-from motionary.systems.protocols import ActionClassifier
+from motionary.systems.action_protocols import ActionClassifier
 
 
 def judge_real_actions(

@@ -150,6 +150,7 @@ def _uprightness(points: np.ndarray, skeleton: Skeleton) -> np.ndarray:
     roles = skeleton.roles
 
     def along(begin: str, end: str) -> np.ndarray:
+        """(T, 3) unit vectors from one joint to another."""
         bone = points[:, roles[end]] - points[:, roles[begin]]
         return bone / np.maximum(np.linalg.norm(bone, axis=-1, keepdims=True), 1e-9)
 

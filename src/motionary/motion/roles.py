@@ -55,6 +55,7 @@ def contradictions(roles: Mapping[str, int], joints: Sequence[str], parents: Seq
     """What the tree says against roles, a line each: limbs out of order, or a left limb with a right one's joints."""
 
     def below(joint: int, other: int) -> bool:
+        """Whether a joint hangs, however deep, on another."""
         while joint >= 0:
             joint = parents[joint]
             if joint == other:

@@ -95,6 +95,7 @@ def stands(skeleton: Skeleton) -> bool:
     up, leg = (rest[c] + rest[d] - rest[a] - rest[b]) / 2, (rest[a] + rest[b]) / 2 - feet
 
     def along(v: np.ndarray, w: np.ndarray) -> bool:
+        """Whether two vectors point alike, within 37 degrees."""
         return bool(v @ w > 0.8 * np.linalg.norm(v) * np.linalg.norm(w))
 
     level = abs(up @ hips) < 0.3 * np.linalg.norm(up) * np.linalg.norm(hips)

@@ -12,7 +12,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import MOST, WIDEST, InputError, check_whole, configure
+from motionary.errors import MOST, WIDEST, InputError, check_whole, configure, exit_code
 from motionary.systems.registry import find, known
 from motionary.systems.renamed import refuse_old_names
 from motionary.training.settings import SEED_KEY, check_data, check_precision, model_keys, settings_of
@@ -208,12 +208,7 @@ SECTIONS: dict[str, Callable[[str, Values, Values, Path], None]] = {
 
 def main() -> int:
     """The command line: exit code 2 and one line where a value is wrong."""
-    try:
-        check_params(Path.cwd())
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return exit_code(lambda: check_params(Path.cwd()))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ import numpy as np
 
 from motionary.corpus.encoding import as_motion
 from motionary.corpus.store import Corpus
-from motionary.errors import InputError, check_whole
+from motionary.errors import InputError, check_whole, exit_code
 from motionary.evaluation.items import Items
 from motionary.files import write_bytes
 from motionary.formats.render.page import player_assets, player_fragment
@@ -138,16 +138,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--root", type=Path, default=Path(), help="the project, with models/ and data/corpus")
     parser.add_argument("--out", type=Path, default=Path("blinded.html"))
     options = parser.parse_args(arguments)
-    try:
-        items = Items(Corpus.open(options.root / "data" / "corpus"))
-        names = (options.a, options.b)
-        models, asked = options.root / "models", options.question
-        found = make_comparisons(items, models, *names, asked, options.texts, seed=options.seed)
-        print(write_bytes(options.out, blinded_page(found, *names, asked)))
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return exit_code(lambda: _write(options))
+
+
+def _write(options: argparse.Namespace) -> None:
+    items = Items(Corpus.open(options.root / "data" / "corpus"))
+    names, asked = (options.a, options.b), options.question
+    found = make_comparisons(items, options.root / "models", *names, asked, options.texts, seed=options.seed)
+    print(write_bytes(options.out, blinded_page(found, *names, asked)))
 
 
 if __name__ == "__main__":

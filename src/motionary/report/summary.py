@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from motionary.errors import InputError
+from motionary.errors import exit_code
 from motionary.report import caption_tables, tables
 from motionary.report.copy_tables import copies
 from motionary.report.physics_tables import physics_tables
@@ -66,12 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
     if arguments not in ([], ["markdown"]):
         print("usage: python -m motionary.report.summary [markdown]", file=sys.stderr)
         return 2
-    try:
-        print((markdown if arguments else terminal)(Path("reports")), end="")
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return exit_code(lambda: print((markdown if arguments else terminal)(Path("reports")), end=""))
 
 
 if __name__ == "__main__":

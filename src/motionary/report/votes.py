@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import InputError
+from motionary.errors import InputError, exit_code
 
 Z = 1.959964  # of a 95% interval
 
@@ -105,12 +105,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Prints the verdict; exit code 2 and one line on bad input."""
     parser = argparse.ArgumentParser(prog="python -m motionary.report.votes", description=__doc__)
     parser.add_argument("files", nargs="+", help="what visitors saved")
-    try:
-        print(read_votes(parser.parse_args(arguments).files))
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    files = parser.parse_args(arguments).files
+    return exit_code(lambda: print(read_votes(files)))
 
 
 if __name__ == "__main__":

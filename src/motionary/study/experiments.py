@@ -202,6 +202,7 @@ def _resolved(stage: Mapping[str, Any], config: Mapping[str, Any]) -> dict[str, 
     """A stage with the configuration's values; a name of dvc.yaml's own stays."""
 
     def value(found: re.Match[str]) -> str:
+        """What the configuration holds at the place, or the text as it was."""
         place = _value(config, found.group(1))
         return place if isinstance(place, str) else found.group(0)
 

@@ -18,7 +18,7 @@ from motionary.errors import InputError
 
 ENTRY_POINTS = "motionary.systems"
 
-# What a system may offer; each is a protocol of motionary.systems.protocols.
+# What a system may offer; each is a protocol of motionary.systems.protocols (of actions: action_protocols).
 CODEC = "codec"  # MotionCodec
 TEXT_TO_MOTION = "text_to_motion"  # TextToMotion
 MOTION_TO_TEXT = "motion_to_text"  # MotionToText

@@ -126,6 +126,7 @@ class Reading:
         """All of it in one line, for people."""
 
         def how(option: str) -> str:
+            """Whether an option was given, or how sure its measurement is."""
             sure = (
                 "given"
                 if option in self.told

@@ -48,12 +48,10 @@ class TemosGenerator:
         greedy: bool = False,
         **unused: float,
     ) -> list[Motion]:
-        """A motion for each sentence, at the corpus's rate.
+        """A motion for each sentence at the corpus's rate, as :meth:`TextToMotion.generate` says.
 
         Args:
-            sentences: normalized texts.
-            seeds: one per sentence; equal sentence, seed and options give equal motion.
-            frames: lengths to hold, from one unit to the longest window; otherwise text2length draws them.
+            frames: where not given, text2length draws them.
             temperature: factor on the standard deviation of z.
             greedy: the likeliest length and z at its mean (the row "z = 0" of the evaluation).
             unused: options of systems that write tokens (top_k, top_p, guidance).
