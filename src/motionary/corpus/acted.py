@@ -41,9 +41,9 @@ class ActionLabels:
         return cls(coarse, fine, _ids(clips.action, coarse), _ids(pairs, fine))
 
     def rows(self, corpus: Corpus, split: str, mirrored: bool = True) -> np.ndarray:
-        """Labeled window rows of a split, with the mirrored copies or without."""
+        """Labeled window rows of a split, with the mirrored copies that were added or without."""
         rows = corpus.rows(split)
-        return rows[(self.action[rows] >= 0) & (mirrored | ~corpus.clips.mirrored[rows])]
+        return rows[(self.action[rows] >= 0) & (mirrored | ~corpus.added[rows])]
 
     def held(self, corpus: Corpus) -> np.ndarray:
         """Labeled rows of the validation split; those of training where it has none, as in small corpora."""

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
+from numpy.typing import DTypeLike
 from tqdm import tqdm
 
 
-def pad(features: Sequence[np.ndarray]) -> tuple[torch.Tensor, torch.Tensor]:
-    """Raw features (T_i, D) as one zero-padded batch (B, T, D) and its frame counts (B,)."""
+def pad(features: Sequence[np.ndarray], kind: DTypeLike = np.float32) -> tuple[torch.Tensor, torch.Tensor]:
+    """Rows (T_i, ...), such as raw features, as one zero-padded batch (B, T, ...) of a kind, and their counts (B,)."""
     frames = torch.tensor([len(f) for f in features])
-    batch = np.zeros((len(features), int(frames.max()), features[0].shape[1]), np.float32)
+    batch = np.zeros((len(features), int(frames.max()), *features[0].shape[1:]), kind)
     for place, f in enumerate(features):
         batch[place, : len(f)] = f  # in numpy: torch warns about the corpus's read-only map
     return torch.from_numpy(batch), frames

@@ -73,8 +73,8 @@ class _Objective(nn.Module):
         self.model = model
 
     def forward(self, compute: Callable[[], Loss]) -> Loss:
-        # Not the batch itself: Fabric would round its features to the products' precision.
         """What `compute` gives."""
+        # Not the batch itself: Fabric would round its features to the products' precision.
         return compute()
 
 

@@ -11,7 +11,6 @@ from acted import LABELS, acted_context, make_acted
 from motionary.errors import InputError
 from motionary.nn.poses import to_joints, to_poses
 from motionary.systems.action2motion.conditioned_vae import Action2Motion, Action2MotionConfig
-from motionary.systems.action2motion.latent_steps import divergence, drawn
 from motionary.systems.action2motion.pose_decoders import DECODERS
 
 SMALL = Action2MotionConfig(LABELS, width=16, latent=4, upstream=3)
@@ -61,15 +60,6 @@ def test_glmi_moves_the_root_by_what_the_poses_do(context):
         other = before.clone()
         other[..., :3] += 1
         assert torch.equal(model(hidden, other, None)[0], one)
-
-
-def test_the_divergence_is_that_of_torch():
-    a, b, c, d = torch.randn(4, 6, 5, generator=rng())
-    from torch.distributions import Normal, kl_divergence
-
-    expected = kl_divergence(Normal(a, (0.5 * b).exp()), Normal(c, (0.5 * d).exp())).sum(-1)
-    assert torch.allclose(divergence((a, b), (c, d)), expected, atol=1e-4)
-    assert torch.allclose(drawn((a, b), torch.ones_like(a)), a + b.exp().sqrt(), atol=1e-5)
 
 
 def test_the_terms_in_closed_form(context):

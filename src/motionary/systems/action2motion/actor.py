@@ -11,10 +11,10 @@ from torch import Tensor
 from motionary.errors import InputError
 from motionary.features.lie import check_scale, scaled
 from motionary.motion import Motion
+from motionary.nn.gaussian import gaussian
 from motionary.nn.noise import normal_noise
 from motionary.nn.poses import to_joints, to_poses
 from motionary.systems.action2motion.conditioned_vae import Action2Motion
-from motionary.systems.action2motion.latent_steps import drawn, moments
 
 Plan = Sequence[tuple[str, int]]  # actions and their frames, one after another
 
@@ -145,7 +145,7 @@ class _Latents:
         self.state: Tensor | None = None
         self.known = 0 if given is None else given.shape[1]
         seen = None if given is None else model.posterior_of(given, condition[:, : self.known])
-        self.drawn = None if seen is None else drawn(seen, noise[:, : self.known])
+        self.drawn = None if seen is None else seen.sample(noise[:, : self.known])
 
     def __call__(self, step: int, read: Tensor) -> Tensor | None:
         """z (B, z) of a step, given the pose before it (B, 1, P)."""
@@ -155,7 +155,7 @@ class _Latents:
         parameters, self.state = self.model.prior(here, self.state)
         if self.drawn is not None and step < self.known:
             return self.drawn[:, step]
-        return drawn(moments(parameters[:, 0]), self.noise[:, step])
+        return gaussian(parameters[:, 0]).sample(self.noise[:, step])
 
 
 def _labels(model: Action2Motion, plan: Plan, before: int, steps: int) -> tuple[np.ndarray, int]:

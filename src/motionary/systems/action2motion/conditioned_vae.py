@@ -6,15 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional as F
 
 from motionary.corpus.batch import ActedBatch
 from motionary.corpus.context import Context
 from motionary.errors import HEAVIEST, WIDEST, InputError, check_range, check_values
+from motionary.nn.gaussian import Gaussian, divergence, gaussian
 from motionary.nn.layers import initialize, length_mask, masked_mean
 from motionary.nn.poses import to_poses
-from motionary.systems.action2motion.latent_steps import Recurrent, divergence, drawn, moments
 from motionary.systems.action2motion.pose_decoders import DECODERS
 from motionary.systems.trainable import Loss, Trainable
 
@@ -53,6 +53,21 @@ class Action2MotionConfig:
         check_range("action2motion", self, ("generator_layers",), 1, 8)
         check_range("action2motion", self, ("kl_start", "kl_end", "align_weight"), 0, HEAVIEST)
         check_range("action2motion", self, ("teacher_forcing",), 0, 1)
+
+
+class Recurrent(nn.Module):
+    """A linear encoder E_n, a GRU and, where asked for, a linear layer after it (Eq. 3.7, 3.8)."""
+
+    def __init__(self, inputs: int, width: int, layers: int, outputs: int = 0):
+        super().__init__()
+        self.encoder = nn.Linear(inputs, width)
+        self.unit = nn.GRU(width, width, layers, batch_first=True)
+        self.out = nn.Linear(width, outputs) if outputs else nn.Identity()
+
+    def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Inputs (B, S, d) -> outputs (B, S, o) and the state after the last step; None starts from zero."""
+        hidden, last = self.unit(self.encoder(x), state)
+        return self.out(hidden), last
 
 
 class Action2Motion(Trainable):
@@ -99,7 +114,7 @@ class Action2Motion(Trainable):
         forced = torch.rand(len(poses), **draws) < self.config.teacher_forcing
         noise = torch.randn(*poses.shape[:2], self.latent, **draws)
         own = self.posterior_of(poses, condition)
-        z = None if own is None else drawn(own, noise)
+        z = None if own is None else own.sample(noise)
 
         before = _before(poses)
         if not bool(forced.all()):
@@ -140,14 +155,14 @@ class Action2Motion(Trainable):
             poses.append(read)
         return torch.cat(poses, 1)
 
-    def posterior_of(self, poses: Tensor, condition: Tensor) -> tuple[Tensor, Tensor] | None:
+    def posterior_of(self, poses: Tensor, condition: Tensor) -> Gaussian | None:
         """q(z_t | p_1:t) of Eq. 3.7."""
-        return None if self.posterior is None else moments(self.posterior(_joined(poses, condition, None))[0])
+        return None if self.posterior is None else gaussian(self.posterior(_joined(poses, condition, None))[0])
 
-    def prior_of(self, before: Tensor, condition: Tensor) -> tuple[Tensor, Tensor]:
+    def prior_of(self, before: Tensor, condition: Tensor) -> Gaussian:
         """p(z_t | p_1:t-1) of Eq. 3.8."""
         assert self.prior is not None
-        return moments(self.prior(_joined(before, condition, None))[0])
+        return gaussian(self.prior(_joined(before, condition, None))[0])
 
     def _terms(self, found: Tensor, poses: Tensor, forced: Tensor, valid: Tensor) -> dict[str, tuple[float, Tensor]]:
         """The reconstruction of Eq. 3.11, where the root goes on from the true place (`forced`) or its own; and, of

@@ -16,6 +16,7 @@ from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.files import written_by
 from motionary.language import Sentence
+from motionary.nn.neighbors import nearest
 from motionary.systems.judges.judge import Judge
 from motionary.systems.requests import check_frames, check_seeds
 
@@ -49,9 +50,7 @@ class Index:
 
     def nearest(self, queries: np.ndarray, rows: np.ndarray, k: int = 1) -> np.ndarray:
         """(Q, k) of `rows`, nearest first, for (Q, E) query features."""
-        candidates = np.asarray(self.motions[rows])
-        squared = (queries**2).sum(1)[:, None] + (candidates**2).sum(1)[None] - 2 * queries @ candidates.T
-        return rows[np.argsort(squared, axis=1, kind="stable")[:, :k]]
+        return rows[nearest(queries, np.asarray(self.motions[rows]), k)]
 
 
 class Retrieval:

@@ -15,6 +15,7 @@ from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.files import atomic_file, written_by
 from motionary.language import Sentence
+from motionary.nn.neighbors import nearest
 from motionary.nn.padding import by_length, pad
 from motionary.systems.temos.temos import Temos
 from motionary.systems.temos.temos_generator import TemosGenerator
@@ -85,8 +86,6 @@ class JointSearch:
             raise InputError("index", len(index.motions), f"must have one row per window, {len(self.corpus)}")
 
     def search(self, sentences: Sequence[Sentence], k: int = 5) -> np.ndarray:
-        """(N, k) rows of the corpus, unmirrored, nearest first."""
-        rows = np.flatnonzero(~self.corpus.clips.mirrored)
-        found, texts = self.index.motions[rows], self.judge.sentences(sentences)
-        away = np.linalg.norm(texts[:, None] - found[None], axis=-1)
-        return rows[np.argsort(away, axis=1, kind="stable")[:, : min(k, len(rows))]]
+        """(N, k) rows of the corpus, without the mirrored copies that were added, nearest first."""
+        rows = np.flatnonzero(~self.corpus.added)
+        return rows[nearest(self.judge.sentences(sentences), self.index.motions[rows], k)]

@@ -16,6 +16,7 @@ from motionary.language.text import LONGEST_PROMPT
 from motionary.motion import Motion, resample
 from motionary.nn.gaussian import Gaussian
 from motionary.nn.noise import normal_noise
+from motionary.nn.padding import pad
 from motionary.systems.requests import check_frames, check_seeds
 from motionary.systems.temos.temos import Temos
 
@@ -87,7 +88,8 @@ class TemosGenerator:
         for start in range(0, len(texts), self.chunk):
             part = texts[start : start + self.chunk]
             read = token_ids(part, model) if config.fine_tune else token_states(part, model, str(device))
-            rows.append(self.model.encode_text(*_padded(read, device)))
+            padded, count = pad(read, read[0].dtype)
+            rows.append(self.model.encode_text(padded.to(device), count.to(device)))
         return Gaussian(*(torch.cat(values) for values in zip(*rows, strict=True)))
 
     @torch.no_grad()
@@ -137,12 +139,3 @@ def _held(motion: Motion, frames: int) -> Motion:
     index = np.minimum(np.arange(frames), motion.frames - 1)
     rotations = None if motion.rotations is None else motion.rotations[index]
     return Motion(motion.positions[index], motion.fps, motion.skeleton, rotations)
-
-
-def _padded(rows: Sequence[np.ndarray], device: torch.device) -> tuple[Tensor, Tensor]:
-    """Rows (N_i, ...) as one batch (B, N, ...), zero beyond their counts (B,)."""
-    count = torch.tensor([len(row) for row in rows])
-    batch = np.zeros((len(rows), int(count.max()), *rows[0].shape[1:]), rows[0].dtype)
-    for place, row in enumerate(rows):
-        batch[place, : len(row)] = row
-    return torch.from_numpy(batch).to(device), count.to(device)
