@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from motionary.errors import InputError
+from motionary.features.columns import check_features, check_joints, tiled
 from motionary.features.so3 import exp_so3
 from motionary.motion import Motion, Skeleton
 from motionary.motion.facing import forward_vectors, headings
@@ -64,8 +65,8 @@ class Lie:
 
     def __init__(self, skeleton: Skeleton):
         self.skeleton = skeleton
+        self.slices = tiled({"root_steps": 3, "vectors": 3 * len(skeleton)})
         self.dim = 3 + 3 * len(skeleton)
-        self.slices = {"root_steps": slice(0, 3), "vectors": slice(3, self.dim)}
         self._kinematics = ForwardKinematics(skeleton)
 
     def bone_lengths(self, motion: Motion) -> np.ndarray:
@@ -108,11 +109,7 @@ class Lie:
         Raises:
             InputError: a wrong shape, values that are not finite, or a scale that is not above 0.
         """
-        features = np.asarray(features, np.float64)
-        if features.ndim != 2 or features.shape[1] != self.dim or not len(features):
-            raise InputError("features", features.shape, f"shape (T, {self.dim}) with T >= 1")
-        if not np.isfinite(features).all():
-            raise InputError("features", "NaN or infinity", "values must be finite")
+        features = check_features(features, self.dim)
         check_scale(scale)
         lengths = torch.from_numpy(np.asarray(self.skeleton.bone_lengths if bones is None else bones, np.float64))
         vectors = torch.from_numpy(features[:, self.slices["vectors"]]).unflatten(-1, (-1, 3))
@@ -121,8 +118,7 @@ class Lie:
         return Motion(scale * positions, fps, scaled(self.skeleton, scale))
 
     def _checked(self, motion: Motion) -> np.ndarray:
-        if motion.skeleton.joints != self.skeleton.joints:
-            raise InputError("motion", motion.skeleton.name, f"needs the joints of {self.skeleton.name}; retarget it")
+        check_joints(motion, self.skeleton)
         return motion.positions.astype(np.float64)
 
 
