@@ -19,6 +19,10 @@ from motionary.report.players import make_examples
 from motionary.systems.registry import known
 
 SYSTEMS = ("inverse_alignment", "motion2text", "retrieval", "tokenizer")
+PROTOCOL = Protocol(
+    repetitions=2, multimodality_texts=2, multimodality_samples=4, multimodality_pairs=2, prompt_samples=1,
+    bert_score=False,
+)  # fmt: skip
 CONSENSUS = "motion2text by consensus of 40 draws"
 ROWS = {"real", *SYSTEMS, "inverse_alignment with real lengths", CONSENSUS}  # only one takes a length, one draws
 
@@ -50,13 +54,9 @@ def project(pipeline, repository, tmp_path_factory):
         shutil.copytree(pipeline / name, root / name)
     (root / "src").symlink_to(repository / "src")
     corpus = Corpus.open(root / "data/corpus")
-    protocol = Protocol(
-        repetitions=2, multimodality_texts=2, multimodality_samples=4, multimodality_pairs=2, prompt_samples=1,
-        bert_score=False,
-    )  # fmt: skip
     (root / "reports/evaluation").mkdir(parents=True)
     for name in SYSTEMS:
-        report = score_system(name, root / "models", corpus, protocol, device="cpu")
+        report = score_system(name, root / "models", corpus, PROTOCOL, device="cpu")
         (root / "reports/evaluation" / f"{name}.json").write_text(json.dumps(report))
     return root
 
@@ -76,6 +76,13 @@ def test_evaluated_systems_become_a_page_with_players(project):
     assert numbers[CONSENSUS].keys() == numbers["motion2text"].keys()
     for metric in ("r1", "r3", "fid", "mm_dist", "diversity", "multimodality", "foot_skating"):
         assert isinstance(numbers["inverse_alignment"][metric], float)
+
+
+def test_a_generator_that_is_a_codec_too_keeps_the_physics_of_both(project):
+    corpus = Corpus.open(project / "data/corpus")
+    report = score_system("text2motion", project / "models", corpus, PROTOCOL, device="cpu")
+    assert report["physics"].keys() == {"generated", "reconstructed", "real"}
+    assert report["physics"]["generated"] != report["physics"]["reconstructed"]
 
 
 def test_it_works_when_parts_are_missing(project, tmp_path):

@@ -48,7 +48,8 @@ def score_system(
         report |= {f"caption_{key}" if key in report else key: value for key, value in scored.items()}
     if CODEC in offers:
         codec = BatchedCodec(open_system(name, CODEC, models), device, protocol.batch_size)
-        report |= score_reconstructor(codec, items, jury)
+        scored = score_reconstructor(codec, items, jury)
+        report |= scored | {"physics": report.get("physics", {}) | scored["physics"]}
     return report
 
 
