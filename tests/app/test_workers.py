@@ -11,10 +11,12 @@ import time
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from pathlib import Path
 from statistics import median
+from types import SimpleNamespace
 
 import pytest
 
 from motionary.app import work
+from motionary.app.turns import Turns
 from motionary.app.work import Queue, Workers
 from motionary.errors import InputError
 
@@ -177,3 +179,37 @@ def test_too_many_visitors_are_turned_away(workers, monkeypatch):
     free.set()
     assert all(done.acquire(timeout=20) for _ in range(2))
     assert soon(lambda: workers.submit(lambda: None))
+
+
+class Page:
+    """What a visitor's turns need of a page; notes are kept."""
+
+    def __init__(self):
+        self.gui, self.notes = SimpleNamespace(add_markdown=lambda text: SimpleNamespace(content=text)), []
+
+    def add_notification(self, title: str, text: str, **how) -> None:
+        self.notes.append(title)
+
+
+def test_what_was_delivered_may_be_followed_at_once(workers):
+    """The next click may come before the turn of what has just arrived is over; one in the midst of a job is told."""
+    page = Page()
+    turns = Turns(page, workers)
+    delivered, done = threading.Event(), threading.Event()
+
+    def deliver() -> None:
+        delivered.set()
+        time.sleep(0.3)  # what is left to do once the file has been sent
+
+    turns.start("Writing", deliver)
+    assert delivered.wait(10)
+    turns.start("Writing", done.set)
+    assert done.wait(10)
+    assert page.notes == []
+
+    held = threading.Event()
+    turns.start("Writing", held.wait)
+    turns.start("Writing", done.clear)
+    assert page.notes == ["One thing at a time"]
+    held.set()
+    assert done.is_set()

@@ -11,6 +11,7 @@ from motionary.app.work import Workers
 from motionary.errors import InputError
 
 READY = "Ready."
+_GRACE = 2.0  # seconds: who has just got a file may ask for the next before the turn of the first is over
 
 
 class Turns:
@@ -23,7 +24,7 @@ class Turns:
 
     def start(self, sign: str, job: Callable[[], None]) -> None:
         """Runs a job unless this visitor has one running; the page answers meanwhile."""
-        if not self._busy.acquire(blocking=False):
+        if not self._busy.acquire(timeout=_GRACE):
             self.complain("One thing at a time", "What you asked before is still being done.")
             return
 
