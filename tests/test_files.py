@@ -41,7 +41,8 @@ except InputError as error:
 
 
 def script(text: str, cwd: Path) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, "-c", text], cwd=cwd, capture_output=True, text=True, check=False)
+    # -B: what a full disk cuts short may not be the compiled modules of the environment, which others then load.
+    return subprocess.run([sys.executable, "-B", "-c", text], cwd=cwd, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture
