@@ -236,8 +236,10 @@ def test_playback_obeys(visit):
     page.get_by_role("button", name="Reset the camera").click()
     until(page, lambda: alike(mannequin, picture(page)), "the side of the beginning")
 
+    before = settled(page)
     put(page, "Speed", 0.1)
     put(page, "Time", 0.0)
+    until(page, lambda: changed(before, picture(page)) > 20, "the first pose")  # so both have arrived
     page.get_by_role("checkbox").first.check(force=True)
     begin = time.monotonic()
     until(page, lambda: float(control(page, "Time").input_value()) > 0, "the clock running")
