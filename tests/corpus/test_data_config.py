@@ -59,9 +59,9 @@ def test_a_wrong_value_names_its_key(wrong):
     assert error.value.what == f"data.{next(iter(wrong))}"
 
 
-def test_a_weight_of_nothing_names_its_source():
-    with pytest.raises(InputError, match=r"data\.source_weights\.index: 0"):
-        DataConfig.from_mapping(FOLDER | {"source_weights": {"index": 0}})
+def test_a_weight_below_nothing_names_its_source():
+    with pytest.raises(InputError, match=r"data\.source_weights\.index: -1"):
+        DataConfig.from_mapping(FOLDER | {"source_weights": {"index": -1}})
 
 
 def test_the_demo_takes_no_roots():

@@ -176,6 +176,18 @@ def test_captions_keep_their_source_and_its_weight(tmp_path, folder_of):
     }
 
 
+def test_captions_that_weigh_nothing_are_left_out(tmp_path, folder_of):
+    lines = [line(f"c{i}") for i in range(10)]
+    for number, one in enumerate(lines):
+        one["captions"] = [{"text": f"text {number}", "source": ("people", "index")[number % 2]}]
+    root = folder_of(tmp_path / "x", lines)
+    report = build(root, tmp_path / "out", source_weights={"people": 0}, mirror=False)
+    corpus = Corpus.open(tmp_path / "out")
+    assert set(corpus.captions.source) == {"index"}
+    assert len(corpus) == 10  # the motions stay
+    assert report["total"]["captioned"] == 5
+
+
 def bad_files(folder: Path) -> dict[str, str]:
     """File name -> part of the rule that its problem must state."""
     good = np.zeros((60, 22, 3), np.float32)

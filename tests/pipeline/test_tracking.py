@@ -106,7 +106,7 @@ def test_no_fault_of_the_tracking_reaches_the_training(tmp_path, stage, monkeypa
             weights, said, took = stage(name)
             assert same(weights, undisturbed)
             assert len(said) == 1
-            assert said[0].startswith(f"warning: MLflow at {uri}: ")
+            assert f"warning: MLflow at {uri}: " in said[0]  # a progress bar may stand before it
             assert reason in said[0]
             assert took < 40
     monkeypatch.delenv("MLFLOW_TRACKING_URI")

@@ -30,8 +30,8 @@ class DataConfig:
             where they have no captions.
         cut: "covering" or "released", how captioned segments become windows (see `windows.windows`).
         least_cover: a window drawn from a longer segment keeps its captions if it shows at least this share of it.
-        source_weights: how much more often captions of a source are drawn in training, by the source's name; 1 for
-            the others.
+        source_weights: how much more often captions of a source are drawn in training, by the source's name; 0
+            leaves them out, 1 for the others.
         split: "clip", "subject", "combination" or "given" (see `splits.split_clips`).
         ratios: shares of train, val and test.
         seed: of the split and of the demo corpus.
@@ -115,8 +115,8 @@ class DataConfig:
         if not isinstance(self.source_weights, Mapping):
             raise InputError("data.source_weights", self.source_weights, "must map caption sources to weights")
         for source, weight in self.source_weights.items():
-            if not isinstance(source, str) or not _is_real(weight) or not 1e-3 <= weight <= 1e3:
-                raise InputError(f"data.source_weights.{source}", weight, "must be a number in 0.001..1000")
+            if not isinstance(source, str) or not _is_real(weight) or not (weight == 0 or 1e-3 <= weight <= 1e3):
+                raise InputError(f"data.source_weights.{source}", weight, "must be 0 or a number in 0.001..1000")
 
     def _ratios(self):
         rule = "must be three shares (train, val, test) from 0 to 1 that sum to 1, train above 0"

@@ -7,7 +7,7 @@ import json
 import os
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,7 @@ def preprocess(
     sources = open_sources(config, root)
     workers = config.workers or os.cpu_count() or 1
     clips, problems = _list_clips(sources, config.strict)
+    clips = [_without(clip, config.source_weights) for clip in clips]
     if config.source == "demo" and config.split in ("combination", "subject"):
         # The demo's labels come with its motions, and these splits need them first.
         clips = list(_bar(in_order(clip_labels, [(clip,) for clip in clips], workers), clips, "labels", progress))
@@ -91,6 +92,12 @@ def _list_clips(sources: Sequence[Source], strict: bool) -> tuple[list[Clip], li
         hint = f"; the first problem: {problems[0]}" if problems else ""
         raise InputError("data.roots", "no clip", f"sources must list at least one usable clip{hint}")
     return list(clips.values()), problems
+
+
+def _without(clip: Clip, weights: Mapping[str, float]) -> Clip:
+    """The clip without captions of sources that weigh nothing: where no other is left, it trains what reads no text."""
+    captions = tuple(caption for caption in clip.captions if weights.get(caption.source, 1.0) > 0)
+    return clip if len(captions) == len(clip.captions) else replace(clip, captions=captions)
 
 
 def _bar(results: Iterator, clips: Sequence[Clip], name: str, progress: bool) -> Iterable:
