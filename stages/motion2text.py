@@ -7,7 +7,7 @@ from typing import cast
 import hydra
 
 from motionary.corpus.batches import Pairs, TokenStore
-from motionary.corpus.caption_words import captions_vocabulary
+from motionary.corpus.caption_words import caption_sources, captions_vocabulary
 from motionary.corpus.store import Corpus
 from motionary.evaluation.codebooks import shifted_tokens
 from motionary.pipeline.stage import Stage, run_stage
@@ -28,13 +28,16 @@ def main(config):
         written = captions_vocabulary(corpus) if stage.section["wording"] == "written" else None
         if written is not None:
             context = replace(context, vocabulary=written)
-        members = {member_name(i): build(stage, context, seed) for i, seed in enumerate(seeds)}
+        first = stage.section["source"]
+        sources = () if first == "none" else caption_sources(corpus, first)
+        members = {member_name(i): build(stage, context, seed, sources=sources) for i, seed in enumerate(seeds)}
         tokenizer = stage.input(f"models/{members[''].config.tokenizer}")
         tokens = TokenStore.load(tokenizer)
         raw, shifts = not stage.section["tokens"], stage.section["offsets"]
         stores = None if raw else shifted_tokens(corpus, tokens, cast(MotionCodec, load_model(tokenizer)), shifts)
-        data = Pairs(corpus, "train", stores, motion=raw, shifts=shifts, written=written, **stage.data)
-        validation = Pairs(corpus, "val", tokens, all_captions=True, motion=raw, written=written)
+        read = {"motion": raw, "written": written, "sources": sources}
+        data = Pairs(corpus, "train", stores, shifts=shifts, **read, **stage.data)
+        validation = Pairs(corpus, "val", tokens, all_captions=True, **read)
 
         by_name = dict(zip(members, seeds, strict=True))
         histories = train_each(stage, members, data, validation, settings, length_sorted=True, seeds=by_name)

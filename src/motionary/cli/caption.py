@@ -15,6 +15,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--temperature", type=float, help="draw captions at this temperature, not the likeliest")
     told = "choose those that agree best with this many draws (slower)"
     add.add_argument("--consensus", type=shared.count, default=0, help=told)
+    add.add_argument("--source", help="in the words of this source of training captions, where they had several")
     shared.add_system(add)
     shared.add_reading(add)
     shared.add_cut(add)
@@ -26,7 +27,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> None:
     """A line for each caption, after its file's name where there are several files."""
     motions = shared.read_files(options)
-    names = ("n", "beams", "system", "seed", "temperature", "consensus")
+    names = ("n", "beams", "system", "seed", "temperature", "consensus", "source")
     asked = {name: getattr(options, name) for name in names}
     dictionary = shared.open_models(options)
     found = shared.all_or_each(options, motions, lambda several: dictionary.caption(several, **asked))

@@ -96,7 +96,13 @@ class ReadBatch(MotionBatch, SentenceBatch, Protocol):
     """Motions, and their captions as a language model reads them; `states` may be its token ids (B, N) instead."""
 
 
-class CaptionBatch(TokenBatch, PairBatch, Protocol):
+class SourcedBatch(TokenBatch, Protocol):
+    """`source` (B,) of each caption: its position among the sources that the model knows; only where it knows any."""
+
+    source: Tensor
+
+
+class CaptionBatch(SourcedBatch, PairBatch, Protocol):
     """Captions with what they describe; the loss reads the tokens or the features, whichever its model was made for."""
 
 
@@ -122,11 +128,11 @@ class Batch:
     tags: Tensor | None = None
     text_key: Tensor = field(default_factory=_left_out)
     caption: Tensor = field(default_factory=_left_out)
+    source: Tensor = field(default_factory=_left_out)
     tokens: Tensor = field(default_factory=_left_out)
     token_count: Tensor = field(default_factory=_left_out)
     states: Tensor = field(default_factory=_left_out)
     state_count: Tensor = field(default_factory=_left_out)
-    joints: Tensor = field(default_factory=_left_out)
     style: Tensor = field(default_factory=_left_out)
     action: Tensor = field(default_factory=_left_out)
     joints: Tensor = field(default_factory=_left_out)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from motionary.corpus.batch import Batch
 from motionary.corpus.caption_weights import CaptionWeights
-from motionary.corpus.caption_words import encode_captions
+from motionary.corpus.caption_words import encode_captions, source_ids
 from motionary.corpus.store import Corpus
 from motionary.corpus.token_store import TokenStore
 from motionary.errors import InputError
@@ -96,6 +96,7 @@ class Pairs:
         mirrored: False leaves out the mirrored copies that preprocess added.
         written: gives the captions' words as they were written, in this vocabulary, in place of normalized ones.
         most_captions: of a clip that are drawn, its first ones; 0 takes all.
+        sources: adds the source of each caption, as its position here.
     """
 
     def __init__(
@@ -114,6 +115,7 @@ class Pairs:
         mirrored: bool = True,
         written: Vocabulary | None = None,
         most_captions: int = 0,
+        sources: Sequence[str] = (),
     ):
         stores = () if tokens is None else (tokens,) if isinstance(tokens, TokenStore) else tuple(tokens)
         for store in stores:
@@ -143,6 +145,7 @@ class Pairs:
         self.drawn = CaptionWeights(corpus.captions.weight, first, last)
         self.weights = self.drawn.times(balanced(corpus.clips.group[rows], balance))
         self.words, self.tags, self.word_count = encode_captions(corpus, max_words, written)
+        self.source = source_ids(corpus, sources) if sources else None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -172,6 +175,8 @@ class Pairs:
             caption=_long(caption),
             **_labels(self.corpus, rows),
         )
+        if self.source is not None:
+            batch.source = _long(self.source[caption])
         if self.with_motion:
             offset = self.corpus.clips.offset[rows] + shift + start
             batch.motion = torch.from_numpy(gather(self.corpus.frames, offset, count, int(count.max())))

@@ -97,6 +97,7 @@ class Dictionary(Blending):
         seed: int = 0,
         temperature: float | None = None,
         consensus: int = 0,
+        source: str | None = None,
     ) -> list[Any]:
         """Sentences that describe a motion, as normalized words.
 
@@ -107,6 +108,8 @@ class Dictionary(Blending):
             system: the motion-to-text system that answers; None takes the usual one.
             seed, temperature: with a temperature, captions are drawn and not searched.
             consensus: choose the captions that agree best with this many draws, which takes longer; 0 searches only.
+            source: in the words of which source of training captions, where they had several: a name as `clips.jsonl`
+                gave it. None takes the usual one.
 
         Returns:
             n captions; for several motions a list of n captions for each.
@@ -121,8 +124,11 @@ class Dictionary(Blending):
             raise InputError("consensus", consensus, "draws at temperature 1; leave `temperature` out")
         captioner: MotionToText = self._open(MOTION_TO_TEXT, system)
         context = captioner.context
+        if source is not None and source not in captioner.sources:
+            known = ", ".join(captioner.sources) or "none was told apart in training"
+            raise InputError("source", source, f"must be a source of captions that the captioner knows: {known}")
         features = [encode(motion, context) for motion in several]
-        drawn = {"seeds": [seed] * len(features), "temperature": temperature, "consensus": consensus}
+        drawn = {"seeds": [seed] * len(features), "temperature": temperature, "consensus": consensus, "source": source}
         with self._lock:
             found = captioner.caption(features, beams=max(beams, n), n=n, **drawn)
         return found[0] if isinstance(motions, Motion) else found

@@ -76,11 +76,13 @@ class MotionToText(Protocol):
         context: of the corpus that it learned from.
         draws: it can choose a caption by consensus of draws.
         written: it writes words as people do, and not normalized ones.
+        sources: of captions whose wordings it tells apart, the usual one first; none where it knows one.
     """
 
     context: Context
     draws: bool
     written: bool
+    sources: tuple[str, ...]
 
     def caption(
         self,
@@ -90,6 +92,7 @@ class MotionToText(Protocol):
         seeds: Sequence[int] | None = None,
         temperature: float | None = None,
         consensus: int = 0,
+        source: str | None = None,
     ) -> list[list[str]]:
         """n captions for each motion.
 
@@ -101,6 +104,7 @@ class MotionToText(Protocol):
             temperature: draw the captions at this temperature instead.
             consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
                 search alone (the paper's).
+            source: whose wording, one of `sources`; None is the usual one.
 
         Returns:
             for each motion, its captions: words joined by spaces, normalized or as people write them.

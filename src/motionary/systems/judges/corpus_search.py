@@ -57,6 +57,7 @@ class Retrieval:
     """Answers by copying from the training split (and searches every split for the dictionary)."""
 
     takes_lengths = draws = written = False
+    sources: tuple[str, ...] = ()
 
     def __init__(self, corpus: Path, judge: Judge, index: Index):
         self.corpus, self.judge, self.index = Corpus.open(corpus), judge, index

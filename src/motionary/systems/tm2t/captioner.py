@@ -31,6 +31,7 @@ class Captioner:
         self.members, self.tokenizer, self.chunk = [model.eval() for model in members], tokenizer, chunk
         self.config, self.context = members[0].config, members[0].context
         self.written = self.config.wording == "written"
+        self.sources = self.config.sources
 
     @torch.no_grad()
     def caption(
@@ -41,6 +42,7 @@ class Captioner:
         seeds: Sequence[int] | None = None,
         temperature: float | None = None,
         consensus: int = 0,
+        source: str | None = None,
     ) -> list[list[str]]:
         """n captions for each motion (T, D), as :meth:`MotionToText.caption` says.
 
@@ -54,6 +56,7 @@ class Captioner:
                 )
         if n < 1:
             raise InputError("n", n, "must be at least 1")
+        tag = 0 if source is None else self.sources.index(source)
         seeds = [0] * len(features) if seeds is None else seeds
         # Similar lengths share a chunk, so little is padded.
         order = np.argsort([len(array) for array in features], kind="stable")
@@ -62,7 +65,7 @@ class Captioner:
         results: list[list[str]] = [[] for _ in features]
         for first in range(0, len(order), chunk):
             chosen = order[first : first + chunk]
-            states = self._start([reading for i in chosen for reading in self._readings(features[i])])
+            states = self._start([reading for i in chosen for reading in self._readings(features[i])], tag)
             own = [seeds[i] for i in chosen]
             if temperature is not None:
                 captions = self._sample(states, own, n, temperature)
@@ -75,7 +78,7 @@ class Captioner:
                 results[i] = caption
         return results
 
-    def _start(self, features: list[np.ndarray]) -> list[Cache]:
+    def _start(self, features: list[np.ndarray], tag: int) -> list[Cache]:
         """Each member's state before the first word, one row for each of the raw features (T, D)."""
         unit, device = self.context.unit, self.members[0].words.weight.device
         longest = -(-max(len(array) for array in features) // unit) * unit
@@ -87,9 +90,9 @@ class Captioner:
         frames = torch.tensor([max(unit, len(array) // unit * unit) for array in features])
         motion, frames = motion.to(device), frames.to(device)
         if self.tokenizer is None:
-            return [model.start(*model.embed_motion(motion, frames)) for model in self.members]
+            return [model.start(*model.tagged(*model.embed_motion(motion, frames), tag)) for model in self.members]
         tokens, count = self.tokenizer.encode(motion, frames), frames // unit
-        return [model.start(*model.embed_tokens(tokens, count)) for model in self.members]
+        return [model.start(*model.tagged(*model.embed_tokens(tokens, count), tag)) for model in self.members]
 
     def _readings(self, motion: np.ndarray) -> list[np.ndarray]:
         """A motion (T, D) from each of its starts, none of which cuts into a last unit."""

@@ -9,7 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from motionary.corpus.batch import TokenBatch
+from motionary.corpus.batch import SourcedBatch
 from motionary.corpus.context import Context
 from motionary.errors import HEAVIEST, InputError, check_range
 from motionary.systems.tm2t.motion2text import Motion2Text
@@ -55,6 +55,11 @@ class InverseAlignment(Text2Token):
         super().__init__(config, context)
         self._reader: tuple[Motion2Text, ...] = ()  # a tuple, so that it is not registered as a submodule
 
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Sources of captions that the reader knows."""
+        return self._reader[0].config.sources if self._reader else ()
+
     def learn_from(self, reader: Motion2Text) -> None:
         """Freeze `reader` and use it for the second term."""
         if reader.config.codebook_size != self.config.codebook_size or not reader.config.tokens:
@@ -65,7 +70,7 @@ class InverseAlignment(Text2Token):
             raise InputError("models/motion2text", "vocabulary", "must be that of text2token")
         self._reader = (reader.eval().requires_grad_(False),)
 
-    def loss(self, batch: TokenBatch, progress: float, generator: torch.Generator) -> Loss:
+    def loss(self, batch: SourcedBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 7: the tokens' loss plus the loss of the captions given the sampled tokens."""
         loss, logs = super().loss(batch, progress, generator)
         if not self.config.alignment:
@@ -74,7 +79,7 @@ class InverseAlignment(Text2Token):
         total = loss + self.config.caption_weight * caption
         return total, {**logs, "caption_nll": caption.detach(), "sampled_tokens": length}
 
-    def validate(self, batch: TokenBatch) -> dict[str, Tensor]:
+    def validate(self, batch: SourcedBatch) -> dict[str, Tensor]:
         """The tokens' loss and, with fixed noise, the captions'; "loss" is what is trained.
 
         The control is read too where there is a reader, so that both can be compared by the captions' loss.
@@ -87,7 +92,7 @@ class InverseAlignment(Text2Token):
         total = values["loss"] + self.config.caption_weight * caption if self.config.alignment else values["loss"]
         return {"loss": total, "token_nll": values["loss"], "caption_nll": caption}
 
-    def caption_loss(self, batch: TokenBatch, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    def caption_loss(self, batch: SourcedBatch, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Mean loss per word of the captions, given tokens that this model samples for them; and their mean length.
 
         Gradients reach this model through the one-hot samples and, for the choice of the end, through the sequence
@@ -107,7 +112,7 @@ class InverseAlignment(Text2Token):
         )  # fmt: skip
         source, mask = self._as_source(samples, start)  # (R, S + 1, K + 3), (R, S + 1)
         reader = self._reader[0].to(words.device)
-        losses, valid = reader.nll(reader.embed(source), mask, words)  # (R, N - 1) both
+        losses, valid = reader.nll(*reader.tagged(reader.embed(source), mask, batch), words)  # (R, N - 1) both
         return losses.sum() / valid.sum(), mask.sum(1).float().mean() - 2  # without start and end
 
     def _as_source(self, samples: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:

@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from motionary.corpus.batch import CaptionBatch
+from motionary.corpus.batch import CaptionBatch, SourcedBatch
 from motionary.corpus.context import Context
 from motionary.errors import DEEPEST, WIDEST, InputError, check_range, check_share
 from motionary.language import PAD
@@ -25,6 +25,8 @@ class Motion2TextConfig:
 
     Attributes:
         codebook_size: of the tokenizer (the stage takes it from there).
+        sources: of captions, each with a tag that says whose words follow; captions get the first one's (the stage
+            takes them from the corpus). None: no tags.
     """
 
     codebook_size: int
@@ -43,10 +45,13 @@ class Motion2TextConfig:
     ensemble: int = 1
     max_words: int = 30
     wording: str = "normalized"
+    source: str = "none"
+    sources: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.wording not in WORDINGS:
             raise InputError("motion2text.wording", self.wording, f"must be one of {', '.join(WORDINGS)}")
+        object.__setattr__(self, "sources", tuple(self.sources))  # JSON knows lists alone
         sizes, stacks = ("width", "dim_feedforward", "num_heads"), ("num_layers", "pose_frames", "offsets", "ensemble")
         check_range("motion2text", self, sizes, 1, WIDEST)
         check_range("motion2text", self, stacks, 1, DEEPEST)
@@ -90,6 +95,7 @@ class Motion2Text(Trainable):
         self.body = TokenTransformer(
             config.width, config.num_heads, config.dim_feedforward, config.num_layers, config.num_layers, config.dropout
         )
+        self.tags = nn.Embedding(len(config.sources), config.width) if config.sources else None
 
     # The source -----------------------------------------------------------------------------------------------------
 
@@ -121,14 +127,25 @@ class Motion2Text(Trainable):
         return self.source(motion.unflatten(1, (-1, size)).flatten(2)), length_mask(positions, motion.shape[1] // size)
 
     def source_of(self, batch: CaptionBatch) -> tuple[Tensor, Tensor]:
-        """Embedded source and its mask, from a batch's tokens or features."""
+        """Embedded source and its mask, from a batch's tokens or features, behind the tags of its captions' sources."""
         if not self.config.tokens:
-            return self.embed_motion(batch.motion, batch.frames)
+            return self.tagged(*self.embed_motion(batch.motion, batch.frames), batch)
         ids, mask = self.token_source(batch.tokens, batch.token_count)
         if self.training and self.config.token_dropout:
             hidden = torch.rand(ids.shape, device=ids.device) < self.config.token_dropout
             ids = ids.masked_fill(hidden & (ids < self.config.codebook_size), self.pad_token)
-        return self.embed(ids), mask
+        return self.tagged(self.embed(ids), mask, batch)
+
+    def tagged(self, source: Tensor, mask: Tensor, of: SourcedBatch | int) -> tuple[Tensor, Tensor]:
+        """An embedded source (B, S, width) and its mask, with a tag before it: of each caption's source, those of a
+        batch's first B captions, or all of one number; as they are where the model knows no sources. (The paper trains
+        on one source at a time.)
+        """
+        if self.tags is None:
+            return source, mask
+        one = isinstance(of, int)
+        ids = torch.full_like(mask[:, 0], of, dtype=torch.long) if one else of.source[: len(source)]
+        return torch.cat((self.tags(ids)[:, None], source), dim=1), F.pad(mask, (1, 0), value=True)
 
     @torch.no_grad()
     def start_from(self, codebook: Tensor) -> None:
