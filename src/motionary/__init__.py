@@ -44,4 +44,10 @@ def _to(motion: Motion, rig: Skeleton | Motion | Path | str) -> Motion:
     return to_rig(motion, read_rig(rig))
 
 
-save_with(_save, _to)  # motion itself knows no file format
+def _plant(motion: Motion) -> Motion:
+    from motionary.motion.planting import plant_feet
+
+    return plant_feet(motion)
+
+
+save_with(_save, _to, _plant)  # motion itself knows no file format, and nothing that stands on it

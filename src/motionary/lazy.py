@@ -27,10 +27,10 @@ def hand_on(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any
     return get, lambda: sorted(homes)
 
 
-def save_with(save: Callable[..., None], to: Callable[..., Any]) -> None:
-    """Hands in what ``Motion.save`` and ``Motion.to`` call. The package does so before any of its modules is there:
-    formats stand on the motion's module, which so needs to know none of them."""
-    _formats[:] = [save, to]
+def save_with(save: Callable[..., None], to: Callable[..., Any], plant: Callable[..., Any]) -> None:
+    """Hands in what ``Motion.save``, ``Motion.to`` and ``Motion.plant_feet`` call. The package does so before any of
+    its modules is there: these stand on the motion's module, which so needs to know none of them."""
+    _formats[:] = [save, to, plant]
 
 
 def save(motion: Any, path: Any, **options: Any) -> None:
@@ -41,3 +41,8 @@ def save(motion: Any, path: Any, **options: Any) -> None:
 def to(motion: Any, rig: Any) -> Any:
     """Puts a motion onto a rig, or a file's rig, with what was handed in."""
     return _formats[1](motion, rig)
+
+
+def plant(motion: Any) -> Any:
+    """Lets the feet of a motion stand with what was handed in."""
+    return _formats[2](motion)

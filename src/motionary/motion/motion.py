@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.lazy import save, to
+from motionary.lazy import plant, save, to
 from motionary.motion.skeleton import Skeleton
 
 SLOWEST_RATE, FASTEST_RATE = 0.5, 10_000.0  # frames per second of any recording of motion
@@ -94,6 +94,15 @@ class Motion:
             InputError: a role that retargeting needs is missing on either side, or the file is no rig.
         """
         return to(self, rig)
+
+    def plant_feet(self) -> Motion:
+        """The motion with feet that stand still while they stand, as those of generated motion do not.
+
+        The body goes along with feet that slide for long, the legs do the rest by inverse kinematics, with fading
+        ends; frames in the air keep their pose to a millimetre, and bones have one length. Rotations come out where
+        they came in. A rig without known hips, knees and ankles is returned as it is, with one line of warning.
+        """
+        return plant(self)
 
     def __repr__(self) -> str:
         rotations = "" if self.rotations is None else ", rotations"
