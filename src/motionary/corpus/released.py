@@ -132,12 +132,13 @@ class HumanML3DSource:
             if not line.strip():
                 continue
             try:
-                yield _caption(line, f"{path}:{number}")
+                yield released_caption(line, f"{path}:{number}")
             except InputError as problem:
                 problems.append(problem)
 
 
-def _caption(line: str, where: str) -> Caption:
+def released_caption(line: str, where: str) -> Caption:
+    """A line of texts/<item>.txt: caption#tagged words#from#to; InputError where it is none."""
     parts = line.strip().split("#")
     # A caption may itself hold "#"; the last three fields are fixed.
     if len(parts) < 4:
