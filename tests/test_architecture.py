@@ -27,8 +27,9 @@ STANDS_ON = {
     "report": ("evaluation", "formats"),
     "study": ("report", "evaluation", "pipeline"),
     "dictionary": ("systems",),
+    "pretrained": ("dictionary", "report"),
     "app": ("dictionary",),
-    "cli": ("dictionary", "app", ""),
+    "cli": ("dictionary", "app", "pretrained", ""),
     "": ("dictionary", "formats", "motion"),
 }
 SERVE_ALL = {"errors", "files", "lazy"}

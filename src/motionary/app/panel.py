@@ -160,7 +160,9 @@ class Panel:
             matches = self._turns.on_models(self.dictionary.search, query.value, k)
             names = [match.captions[0] if match.captions else match.id for match in matches]
             titles = [f"{k + 1}. {name}" for k, name in enumerate(names)]
-            self._show([match.motion for match in matches], titles, names, f"{len(matches)} matches")
+            motions = [match.motion for match in matches if match.motion is not None]
+            if len(motions) == len(matches):  # a bundle brings texts alone
+                self._show(motions, titles, names, f"{len(matches)} matches")
             rows = [
                 f"{k + 1}. {_plain(n)} ({m.distance:.2f})" for k, (n, m) in enumerate(zip(names, matches, strict=True))
             ]

@@ -34,7 +34,7 @@ class App:
         url: where it is.
     """
 
-    def __init__(self, models: str | Path, device: str, host: str, port: int, origins: Sequence[str] = ()):
+    def __init__(self, models: str | Path | None, device: str, host: str, port: int, origins: Sequence[str] = ()):
         """
         Args:
             models, device: see `motionary.load`.
@@ -94,7 +94,7 @@ class App:
             print(f"warning: {error}", file=sys.stderr)
 
 
-def serve(models: str, device: str, host: str, port: int, origins: Sequence[str] = ()) -> None:
+def serve(models: str | None, device: str, host: str, port: int, origins: Sequence[str] = ()) -> None:
     """Serves until interrupted; see :class:`App`."""
     app = App(models, device, host, port, origins)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # as Ctrl-C: the workers end too

@@ -38,7 +38,8 @@ count.__name__ = "whole number"  # argparse names the type in its messages
 
 def add_models(add: argparse.ArgumentParser) -> None:
     """--models and --device, for :func:`open_models`."""
-    add.add_argument("--models", default="models", metavar="FOLDER", help="what `dvc repro` built (models)")
+    told = "what `dvc repro` built ($MOTIONARY_MODELS, else models here, else the packaged ones)"
+    add.add_argument("--models", metavar="FOLDER", help=told)
     add.add_argument("--device", default="auto", help="auto, cpu or cuda")
 
 

@@ -99,29 +99,24 @@ class Corpus:
 
     Args:
         folder: where `preprocess` put it.
+        motions: False opens the tables alone, as a bundle ships them: without frames no window has features.
 
     Attributes:
         context: skeleton, fps, codec, statistics, vocabulary.
-        frames: (F, D) float32 memory map of RAW features, all windows one after the other.
+        frames: (F, D) float32 memory map of RAW features, all windows one after the other; (0, D) without motions.
         clips, captions: the tables as numpy columns.
         caption_start: (clips + 1,) captions of clip i are rows caption_start[i] to caption_start[i + 1].
     """
 
-    def __init__(self, folder: str | Path):
+    def __init__(self, folder: str | Path, motions: bool = True):
         self.folder = Path(folder)
-        missing = [
-            name for name in ("context.json", "frames.npy", "clips.parquet") if not (self.folder / name).is_file()
-        ]
+        needed = ("context.json", *(["frames.npy"] * motions), "clips.parquet")
+        missing = [name for name in needed if not (self.folder / name).is_file()]
         if missing:
             raise InputError(folder, ", ".join(missing), "missing; run the preprocess stage first")
         with self._reading("context.json") as path:
             self.context = Context.load(path)
-        with self._reading("frames.npy") as path:
-            # A plain array view of the map: fancy indexing then returns ordinary arrays.
-            self.frames = np.load(path, mmap_mode="r").view(np.ndarray)
-            _check(
-                "shape", self.frames.shape, self.frames.shape[1:] == (self.context.dim,), "must be (frames, features)"
-            )
+        self.frames = self._frames() if motions else np.empty((0, self.context.dim), np.float32)
         with self._reading("clips.parquet") as path:
             self.clips = Clips(**_columns(path, Clips))
             inside = (self.clips.offset >= 0) & (self.clips.offset + self.clips.length <= len(self.frames))
@@ -134,12 +129,24 @@ class Corpus:
         self.caption_start = np.searchsorted(self.captions.clip, np.arange(len(self.clips) + 1))
 
     @classmethod
-    def open(cls, folder: str | Path) -> Corpus:
+    def open(cls, folder: str | Path, motions: bool = True) -> Corpus:
         """Open a preprocessed corpus; InputError where the folder is not one."""
-        return cls(folder)
+        return cls(folder, motions)
+
+    def _frames(self) -> np.ndarray:
+        with self._reading("frames.npy") as path:
+            # A plain array view of the map: fancy indexing then returns ordinary arrays.
+            frames = np.load(path, mmap_mode="r").view(np.ndarray)
+            _check("shape", frames.shape, frames.shape[1:] == (self.context.dim,), "must be (frames, features)")
+            return frames
 
     def __len__(self) -> int:
         return len(self.clips)
+
+    @property
+    def has_motions(self) -> bool:
+        """Whether windows have features, and not their tables alone."""
+        return len(self.frames) > 0
 
     @cached_property
     def report(self) -> dict[str, Any]:
@@ -160,7 +167,8 @@ class Corpus:
             yield path
 
     def features(self, i: int) -> np.ndarray:
-        """(T, D) read-only view of the raw features of window i."""
+        """(T, D) read-only view of the raw features of window i; InputError where the corpus came without motions."""
+        _check("corpus", self.folder, self.has_motions, "holds texts alone, no motion")
         start = self.clips.offset[i]
         return self.frames[start : start + self.clips.length[i]]
 

@@ -11,6 +11,7 @@ import numpy as np
 from motionary.corpus.encoding import as_motion, encode, frames_of, listed
 from motionary.dictionary.blending import Blending
 from motionary.dictionary.matches import Match
+from motionary.dictionary.places import usual_models
 from motionary.errors import InputError, check_whole
 from motionary.language import Sentence, annotate, check_prompt
 from motionary.motion import Motion
@@ -20,11 +21,13 @@ from motionary.systems.registry import ACT, EMBED, MOTION_TO_TEXT, SEARCH, STYLI
 OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")  # of sampling; a system may ignore some
 
 
-def load(models: str | Path = "models", device: str = "auto") -> Dictionary:
-    """Open the models that ``dvc repro`` built; each system loads when it is first asked.
+def load(models: str | Path | None = None, device: str = "auto") -> Dictionary:
+    """Open the models that ``dvc repro`` built, or those that are packaged; each system loads when it is first asked.
 
     Args:
-        models: the folder; any subset of its systems serves. Search also reads ``data/corpus`` beside the folder.
+        models: the folder; any subset of its systems serves. Search also reads ``data/corpus`` beside the folder. None
+            takes the folder that $MOTIONARY_MODELS names, else ``models`` here, else the packaged bundle, and says
+            which on standard error.
         device: "auto", "cpu", "cuda" or another that torch names.
 
     Raises:
@@ -34,7 +37,7 @@ def load(models: str | Path = "models", device: str = "auto") -> Dictionary:
         >>> d = motionary.load("models")  # doctest: +SKIP
         >>> d.generate("a person waves", n=3, seed=0)[0].save("wave.bvh")  # doctest: +SKIP
     """
-    folder = Path(models)
+    folder = usual_models() if models is None else Path(models)
     if not folder.is_dir():
         raise InputError(folder, "missing", "must be a folder of trained models; run `dvc repro` first")
     dictionary = Dictionary(folder, device)

@@ -16,6 +16,7 @@ from motionary.systems.registry import EMBED, TELLS, find, known, offering, serv
 
 T = TypeVar("T")
 BEST = "preferred.json"  # what the report found best
+MANIFEST = "bundle.json"  # what `motionary bundle` says of its systems
 
 
 class Folder:
@@ -49,20 +50,21 @@ class Folder:
     def offering(self, offer: str) -> tuple[str, ...]:
         """Names of the systems of the folder that offer something, the usual one first; opens none of them. Usual is
         the one that the report found best, where there is a report, else the registry's."""
-        found = offering(offer, self.systems)
+        withheld = self._manifest.get("withheld", {})
+        found = [name for name in offering(offer, self.systems) if offer not in withheld.get(name, ())]
         return tuple(sorted(found, key=lambda name: name != self._best.get(offer)))
 
     @cached_property
     def _best(self) -> dict[str, Any]:
         """What ``preferred.json`` says, among the models or in the reports beside them."""
-        for file in (self.models / BEST, self.models.parent / "reports" / BEST):
-            if file.is_file():
-                try:
-                    found = json.loads(file.read_text(encoding="utf-8"))
-                except ValueError as error:
-                    raise InputError(file, error, "must be JSON as the report writes it") from None
-                return found if isinstance(found, dict) else {}
-        return {}
+        files = (self.models / BEST, self.models.parent / "reports" / BEST)
+        return next((_read(file, "the report") for file in files if file.is_file()), {})
+
+    @cached_property
+    def _manifest(self) -> dict[str, Any]:
+        """What ``bundle.json`` says, where the folder is a bundle."""
+        file = self.models / MANIFEST
+        return _read(file, "`motionary bundle`") if file.is_file() else {}
 
     def first_of(self, *offers: str) -> str:
         """The usual system of the first of these offers that the folder has, else any that it has."""
@@ -100,3 +102,11 @@ class Folder:
     def _absent(self, name: str) -> InputError:
         stage = "" if find(name).package else f"; run `dvc repro {name}`"  # other packages bring no stage of ours
         return InputError("system", name, f"not part of these models{stage}")
+
+
+def _read(file: Path, writer: str) -> dict[str, Any]:
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(file, error, f"must be JSON as {writer} writes it") from None
+    return found if isinstance(found, dict) else {}

@@ -17,7 +17,7 @@ class Match:
         origin, start, end: the clip it was cut from, and its seconds there.
         captions: as written.
         distance: to the text, in the evaluator's space.
-        motion: the window itself.
+        motion: the window itself; None where the corpus came without motions, as a bundle's does.
     """
 
     id: str
@@ -26,7 +26,7 @@ class Match:
     end: float
     captions: tuple[str, ...]
     distance: float
-    motion: Motion
+    motion: Motion | None
 
     @classmethod
     def of(cls, corpus: Any, row: int, distance: float) -> Match:
@@ -34,4 +34,5 @@ class Match:
         clips = corpus.clips
         captions = tuple(str(corpus.captions.text[c]) for c in corpus.captions_of(row))
         start, end = float(clips.start[row]), float(clips.end[row])
-        return cls(str(clips.id[row]), str(clips.origin[row]), start, end, captions, distance, corpus.motion(row))
+        motion = corpus.motion(row) if corpus.has_motions else None
+        return cls(str(clips.id[row]), str(clips.origin[row]), start, end, captions, distance, motion)

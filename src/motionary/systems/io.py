@@ -21,6 +21,7 @@ from motionary.systems.registry import TELLS, System, find, known
 from motionary.systems.renamed import with_new_names
 
 WEIGHTS, CONFIG_FILE = "model.safetensors", "config.json"
+CATALOGUE = "corpus"  # folder beside the systems of a bundle: what was said of the corpus's windows, without motions
 
 
 def choose_device(device: str = "auto") -> str:
@@ -38,9 +39,26 @@ def save_model(folder: str | Path, name: str, model: nn.Module, context: Context
     record = {"system": name, "config": dataclasses.asdict(model.config), "context": context.to_json()}  # type: ignore[arg-type]
     # Tied weights share memory, which safetensors refuses: each name gets its own copy.
     tensors = {key: value.detach().cpu().contiguous().clone() for key, value in model.state_dict().items()}
+    _write(folder, record, tensors)
+
+
+def copy_halved(folder: str | Path, target: str | Path) -> None:
+    """A saved model once more, in half the bytes: weights as float16, which loading makes float32 again. What float16
+    cannot hold, a number above 65504 in size, keeps its tensor as it is."""
+    folder, record = Path(folder), read_record(folder)
+    tensors = load_file(folder / WEIGHTS)
+    _write(Path(target), {key: record[key] for key in ("system", "config", "context")}, _halved(tensors))
+
+
+def _halved(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    small = {key: value.half() if value.is_floating_point() else value for key, value in tensors.items()}
+    return {key: small[key] if bool(small[key].isfinite().all()) else value for key, value in tensors.items()}
+
+
+def _write(folder: Path, record: dict[str, Any], tensors: Mapping[str, torch.Tensor]) -> None:
     # Both are written before either takes its name, so that an error leaves the pair that was there.
     with atomic_file(folder / CONFIG_FILE) as config, atomic_file(folder / WEIGHTS) as weights:
-        save_file(tensors, weights)
+        save_file(dict(tensors), weights)
         record["weights"] = _checksum(weights)
         record["checksum"] = _record_checksum(record)
         config.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")

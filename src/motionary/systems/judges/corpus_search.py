@@ -46,7 +46,8 @@ class Index:
         with written_by("retrieval", folder / "index.json"):
             evaluator = str(json.loads((folder / "index.json").read_text())["evaluator"])
         with written_by("retrieval", folder / "motions.npy"):
-            return cls(np.load(folder / "motions.npy", mmap_mode="r"), evaluator)
+            motions = np.load(folder / "motions.npy", mmap_mode="r")
+            return cls(motions if motions.dtype == np.float32 else motions.astype(np.float32), evaluator)
 
     def nearest(self, queries: np.ndarray, rows: np.ndarray, k: int = 1) -> np.ndarray:
         """(Q, k) of `rows`, nearest first, for (Q, E) query features."""
@@ -59,8 +60,8 @@ class Retrieval:
     takes_lengths = draws = written = False
     sources: tuple[str, ...] = ()
 
-    def __init__(self, corpus: Path, judge: Judge, index: Index):
-        self.corpus, self.judge, self.index = Corpus.open(corpus), judge, index
+    def __init__(self, corpus: Corpus, judge: Judge, index: Index):
+        self.corpus, self.judge, self.index = corpus, judge, index
         self.context = self.corpus.context
         if index.evaluator != judge.hash:
             raise InputError("retrieval", index.evaluator, "belongs to another evaluator; run `dvc repro retrieval`")

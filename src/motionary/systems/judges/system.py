@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from motionary.corpus.context import Context
 from motionary.errors import configure
-from motionary.systems.io import Trained
+from motionary.systems.io import CATALOGUE, Trained
 
 if TYPE_CHECKING:
     from motionary.systems.judges.action_evaluator import ActionEvaluator, ActionJudge
@@ -70,8 +70,10 @@ def open_action_judge(trained: Trained, name: str) -> ActionJudge:
 
 
 def open_retrieval(trained: Trained, name: str) -> Retrieval:
-    """Answers copied from the corpus beside the folder of models."""
+    """Answers copied from the corpus beside the folder of models, or from the texts that a bundle brings of it."""
+    from motionary.corpus.store import Corpus
     from motionary.systems.judges.corpus_search import Index, Retrieval
 
-    corpus = trained.folder.parent / "data" / "corpus"
+    own = trained.folder / CATALOGUE
+    corpus = Corpus.open(own, motions=False) if own.is_dir() else Corpus.open(trained.folder.parent / "data" / "corpus")
     return Retrieval(corpus, open_judge(trained, "evaluator"), Index.load(trained.path(name)))

@@ -1,0 +1,143 @@
+"""A bundle: of a trained run the systems that answer, in few megabytes, with a card that says what they are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motionary.corpus.store import Corpus
+from motionary.dictionary import Dictionary, load
+from motionary.dictionary.folder import BEST, MANIFEST
+from motionary.dictionary.places import PACKAGED
+from motionary.errors import InputError
+from motionary.files import atomic_folder
+from motionary.pretrained.catalogue import catalogued, write_catalogue
+from motionary.pretrained.fixed_sample import FixedSample
+from motionary.systems.io import CATALOGUE, CONFIG_FILE, copy_halved, model_hash, read_record
+from motionary.systems.judges.corpus_search import Index
+from motionary.systems.registry import (
+    EMBED,
+    MOTION_TO_TEXT,
+    SEARCH,
+    TEXT_TO_LENGTH,
+    TEXT_TO_MOTION,
+    filled,
+    find,
+    judges,
+    served_by,
+)  # fmt: skip
+
+MOST_BYTES = 25_000_000
+CARD, SAMPLE = "CARD.md", "sample.npz"
+ANSWERING = (TEXT_TO_MOTION, MOTION_TO_TEXT, TEXT_TO_LENGTH, EMBED, SEARCH)
+
+
+def make_bundle(
+    models: str | Path,
+    out: str | Path = PACKAGED,
+    *,
+    generator: str | None = None,
+    also: Iterable[str] = (),
+    force: bool = False,
+) -> dict[str, Any]:
+    """Write the systems that answer, from a trained run, as a bundle that :func:`motionary.load` opens.
+
+    Weights are float16 and become float32 when loaded. Of the corpus come the texts of the captioned training windows
+    and where each lies in the judge's space, which is what the bundle's search looks over; no motions but a fixed
+    sample of test windows, by which the packaged weights are scored.
+
+    Args:
+        models: the folder of trained systems; ``data/corpus`` and ``reports`` of the run lie beside it.
+        out: the new folder; it appears whole or not at all.
+        generator: the text-to-motion system that answers; None takes the usual one.
+        also: names of further systems to take.
+        force: replace a bundle that is there.
+
+    Returns:
+        the manifest: "systems", "usual", "withheld", "corpus", "sample" (scores) and "bytes".
+
+    Raises:
+        InputError: a system that is not there, no corpus, a folder that is no bundle in the way, or more than 25 MB.
+    """
+    out, run = _free(Path(out), force), load(models)
+    corpus = Corpus.open(run.models.parent / "data" / "corpus")
+    usual = {offer: run.offering(offer)[0] for offer in ANSWERING if run.offering(offer)}
+    usual |= {} if generator is None else {TEXT_TO_MOTION: _able(run, generator)}
+    names = systems_of(run, (*usual.values(), *(name for name in judges() if name in run.systems), *also))
+    with atomic_folder(out) as folder:
+        manifest = _fill(folder, run, names, corpus)
+        (folder / BEST).write_text(json.dumps(usual, indent=1) + "\n", encoding="utf-8")
+        manifest = {"systems": list(names), "usual": usual, **manifest, "corpus": corpus.hash}
+        write_manifest(folder, manifest)
+        sample = FixedSample.of(corpus)
+        sample.save(folder / SAMPLE)
+        manifest["sample"] = sample.scores(load(folder, "cpu"))
+        write_manifest(folder, manifest)
+        _write_card(folder, run, manifest, corpus)
+        manifest["bytes"] = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+        if manifest["bytes"] > MOST_BYTES:
+            raise InputError(out, f"{manifest['bytes'] / 1e6:.1f} MB", f"must have at most {MOST_BYTES / 1e6:g}")
+    return manifest
+
+
+def systems_of(run: Dictionary, names: Iterable[str]) -> tuple[str, ...]:
+    """These systems and all that they ask for when they answer, by the run's own configurations."""
+    found = served_by(list(dict.fromkeys(names)), lambda name: _config(run.models / name))
+    for name in found:
+        if name not in run.systems:
+            raise InputError("system", name, f"not part of {run.models}")
+    return found
+
+
+def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """What the bundle is, as JSON."""
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+
+
+def _free(out: Path, force: bool) -> Path:
+    """The place of the bundle, where nothing is or `force` replaces a bundle, and never any other folder."""
+    if out.is_dir() and any(out.iterdir()):
+        if not (out / MANIFEST).is_file():
+            raise InputError(out, "exists", "is no bundle; name another folder")
+        if not force:
+            raise InputError(out, "exists", "kept as it is; use force=True (--force) to replace it")
+    return out
+
+
+def _able(run: Dictionary, generator: str) -> str:
+    if generator not in run.offering(TEXT_TO_MOTION):
+        rule = f"must be one of {', '.join(run.offering(TEXT_TO_MOTION)) or 'none'}"
+        raise InputError("generator", generator, rule)
+    return generator
+
+
+def _config(folder: Path) -> Mapping[str, Any]:
+    return read_record(folder)["config"] if (folder / CONFIG_FILE).is_file() else {}
+
+
+def _fill(folder: Path, run: Dictionary, names: Iterable[str], corpus: Corpus) -> dict[str, Any]:
+    """Copies the systems; of one that looks things up in the corpus its index. Returns what those cannot do here."""
+    withheld = {}
+    for name in names:
+        if find(name).model:
+            for record in sorted((run.models / name).rglob(CONFIG_FILE)):
+                copy_halved(record.parent, folder / record.parent.relative_to(run.models))
+        else:
+            rows = catalogued(corpus)
+            judge = model_hash(folder / next(iter(filled(name).values())))
+            index = Index.load(run.models / name)
+            Index(np.asarray(index.motions[rows], np.float16), judge).save(folder / name)
+            write_catalogue(corpus, rows, folder / CATALOGUE)
+            withheld[name] = [TEXT_TO_MOTION]
+    return {"withheld": withheld}
+
+
+def _write_card(folder: Path, run: Dictionary, manifest: Mapping[str, Any], corpus: Corpus) -> None:
+    from motionary.pretrained.card import card
+
+    text = card(folder, run.models.parent / "reports", manifest, corpus)
+    (folder / CARD).write_text(text, encoding="utf-8")
