@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
-.PHONY: help setup lock repro test kills measured check params sweep mlflow app bench fuzz study clean
+.PHONY: help setup lock repro test kills measured flags check params sweep mlflow app bench fuzz study clean
 
 help:  ## what each target does
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -47,6 +47,9 @@ lock: setup  ## writes requirements.lock anew from pyproject.toml, with hashes; 
 
 measured: setup  ## reads 200 real clips turned, scaled and mirrored: up, unit and handedness
 	@MOTIONARY_CLIPS=200 python -m pytest tests/formats/read/test_measured.py -k real_clips
+
+flags: setup  ## plants faults in 500 real clips and counts those that `motionary index` flags, and sound clips that it flags too
+	@MOTIONARY_FLAG_CLIPS=500 python -m pytest -s tests/archive/test_flags.py -k real_clips
 
 check: setup  ## fast checks: style, types, generated files
 	@ruff check . && ruff format --check .

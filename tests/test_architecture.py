@@ -29,7 +29,8 @@ STANDS_ON = {
     "dictionary": ("systems",),
     "pretrained": ("dictionary", "report"),
     "app": ("dictionary",),
-    "cli": ("dictionary", "app", "pretrained", ""),
+    "archive": ("dictionary",),
+    "cli": ("dictionary", "archive", "app", "pretrained", ""),
     "": ("dictionary", "formats", "motion"),
 }
 SERVE_ALL = {"errors", "files", "lazy"}
@@ -41,7 +42,7 @@ ALLOWED = {
     ("motionary.pipeline.check", "motionary.evaluation.action_scores"),
     ("motionary.formats.read.arrays", "motionary.features"),  # files of HumanML3D features are decoded by their codec
 }
-WITHOUT_NAMES = ("dictionary", "cli", "app", "evaluation", "report")
+WITHOUT_NAMES = ("dictionary", "archive", "cli", "app", "evaluation", "report")
 FAMILIES = {system.family for system in SYSTEMS}
 NAMES = {system.name for system in SYSTEMS}
 

@@ -1,8 +1,9 @@
-"""``motionary search``: windows of the corpus for prompts."""
+"""``motionary search``: windows of the corpus, or moments of an indexed folder, for prompts."""
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
@@ -13,6 +14,9 @@ _KEYS = ("id", "origin", "start", "end", "distance", "captions")
 def _arguments(add: argparse.ArgumentParser) -> None:
     shared.add_prompts(add)
     add.add_argument("-k", type=shared.count, default=5, help="matches for each prompt (5)")
+    told = "search this folder, which `motionary index` has read, and not the corpus"
+    add.add_argument("--in", dest="archive", metavar="FOLDER", help=told)
+    add.add_argument("--sound", action="store_true", help="with --in: leave out clips that look broken")
     shared.add_seed(add)
     shared.add_models(add)
     shared.add_json(add)
@@ -21,6 +25,8 @@ def _arguments(add: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> None:
     """A line for each match: distance, name, seconds and first caption."""
     prompts = shared.read_prompts(options)
+    if options.archive is not None:
+        return _archive(options, prompts)
     found = shared.open_models(options).search(prompts, options.k)
     rows, lines = [], []
     for text, matches in zip(prompts, found, strict=True):
@@ -31,10 +37,26 @@ def _run(options: argparse.Namespace) -> None:
     shared.show(options, rows, lines)
 
 
+def _archive(options: argparse.Namespace, prompts: list[str]) -> None:
+    """A line for each moment: distance, file, seconds and caption."""
+    from motionary.archive import Archive
+
+    archive = Archive(options.archive)
+    found = archive.search(shared.open_models(options), prompts, options.k, options.sound)
+    rows, lines = [], []
+    for text, moments in zip(prompts, found, strict=True):
+        rows.append({"text": text, "moments": [asdict(moment) for moment in moments]})
+        for moment in moments:
+            flags = f"\t({', '.join(moment.flags)})" if moment.flags else ""
+            seconds = f"{moment.start:.2f}-{moment.end:.2f} s"
+            lines.append(f"{moment.distance:.3f}\t{moment.motion}\t{seconds}\t{moment.caption or '-'}{flags}")
+    shared.show(options, rows, lines)
+
+
 COMMAND = Command(
     "search",
-    "Find motions of the corpus by text.",
+    "Find motions by text.",
     _arguments,
     _run,
-    ('motionary search "a person sits down"', "motionary search --file prompts.txt -k 3"),
+    ('motionary search "a person sits down"', "motionary search jumps --in mocap -k 3"),
 )

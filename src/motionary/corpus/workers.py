@@ -140,25 +140,25 @@ def _arms_out(motion: Motion) -> bool:
     return True
 
 
-def in_order(task: Callable, jobs: Sequence[tuple], workers: int) -> Iterator:
+def in_order(task: Callable, jobs: Sequence[tuple], workers: int, chunk: int = CHUNK) -> Iterator:
     """task(*job) for every job, results in the order of the jobs.
 
-    One process runs in this one; several are spawned with one thread each, and at most a few chunks are in flight,
-    so memory does not grow with the number of jobs.
+    One process runs in this one; several are spawned with one thread each, given `chunk` jobs at a time, and at most a
+    few chunks are in flight, so memory does not grow with the number of jobs.
     """
-    if workers == 1 or len(jobs) <= CHUNK:
+    if workers == 1 or len(jobs) <= chunk:
         yield from (task(*job) for job in jobs)
         return
-    chunks = (jobs[i : i + CHUNK] for i in range(0, len(jobs), CHUNK))
+    chunks = (jobs[i : i + chunk] for i in range(0, len(jobs), chunk))
     with (
         _one_thread(),
         ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool,
     ):
-        waiting = deque(pool.submit(_run, task, chunk) for chunk in islice(chunks, 2 * workers))
+        waiting = deque(pool.submit(_run, task, some) for some in islice(chunks, 2 * workers))
         try:
             while waiting:
                 results = waiting.popleft().result()
-                waiting.extend(pool.submit(_run, task, chunk) for chunk in islice(chunks, 1))
+                waiting.extend(pool.submit(_run, task, some) for some in islice(chunks, 1))
                 yield from results
         finally:
             for future in waiting:

@@ -84,6 +84,11 @@ class Folder:
             raise self._absent(chosen)
         return self._once(chosen, offer, lambda: open_system(chosen, offer, self.models, self._on()))
 
+    def opened(self, offer: str, name: str | None = None) -> Any:
+        """What the usual system, or `name`, offers (see `motionary.systems.registry`), opened once. Threads that share
+        it take turns themselves."""
+        return self._open(offer, name)
+
     def _on(self) -> str:
         """The device to run on."""
         from motionary.systems.io import choose_device

@@ -93,6 +93,7 @@ class MotionToText(Protocol):
         temperature: float | None = None,
         consensus: int = 0,
         source: str | None = None,
+        quick: bool = False,
     ) -> list[list[str]]:
         """n captions for each motion.
 
@@ -105,6 +106,7 @@ class MotionToText(Protocol):
             consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
                 search alone (the paper's).
             source: whose wording, one of `sources`; None is the usual one.
+            quick: as little work as it can: of several networks one, of several readings of a motion one.
 
         Returns:
             for each motion, its captions: words joined by spaces, normalized or as people write them.

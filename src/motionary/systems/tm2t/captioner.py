@@ -27,9 +27,12 @@ class Captioner:
 
     draws = True  # can choose a caption by consensus of draws
 
-    def __init__(self, members: Sequence[Motion2Text], tokenizer: Tokenizer | None, chunk: int = 64):
+    def __init__(
+        self, members: Sequence[Motion2Text], tokenizer: Tokenizer | None, chunk: int = 64, offsets: int | None = None
+    ):
         self.members, self.tokenizer, self.chunk = [model.eval() for model in members], tokenizer, chunk
         self.config, self.context = members[0].config, members[0].context
+        self.offsets = self.config.offsets if offsets is None else offsets
         self.written = self.config.wording == "written"
         self.sources = self.config.sources
 
@@ -43,6 +46,7 @@ class Captioner:
         temperature: float | None = None,
         consensus: int = 0,
         source: str | None = None,
+        quick: bool = False,
     ) -> list[list[str]]:
         """n captions for each motion (T, D), as :meth:`MotionToText.caption` says.
 
@@ -57,11 +61,14 @@ class Captioner:
         if n < 1:
             raise InputError("n", n, "must be at least 1")
         tag = 0 if source is None else self.sources.index(source)
+        if quick and (self.offsets > 1 or len(self.members) > 1):
+            alone = Captioner(self.members[:1], self.tokenizer, self.chunk, offsets=1)
+            return alone.caption(features, beams, n, seeds, temperature, consensus, source)
         seeds = [0] * len(features) if seeds is None else seeds
         # Similar lengths share a chunk, so little is padded.
         order = np.argsort([len(array) for array in features], kind="stable")
         draws = n if temperature is not None else consensus
-        chunk = max(1, min(self.chunk // self.config.offsets, 4 * self.chunk // max(1, draws)))
+        chunk = max(1, min(self.chunk // self.offsets, 4 * self.chunk // max(1, draws)))
         results: list[list[str]] = [[] for _ in features]
         for first in range(0, len(order), chunk):
             chosen = order[first : first + chunk]
@@ -97,12 +104,12 @@ class Captioner:
     def _readings(self, motion: np.ndarray) -> list[np.ndarray]:
         """A motion (T, D) from each of its starts, none of which cuts into a last unit."""
         latest = max(0, len(motion) - self.context.unit)
-        return [motion[min(start, latest) :] for start in range(self.config.offsets)]
+        return [motion[min(start, latest) :] for start in range(self.offsets)]
 
     def _search(self, states: list[Cache], items: int, beams: int, n: int) -> list[list[str]]:
         """The n likeliest captions of each item, averaged over members and readings."""
         start = torch.full((items,), START, device=states[0].item.device)
-        decoder = Averaged(self.members, self.config.offsets)
+        decoder = Averaged(self.members, self.offsets)
         found = beam_search(decoder, states, start, END, beams, n, self.config.max_words, banned=_NEVER)
         return [[self._text(hypothesis.tokens) for hypothesis in item] for item in found]
 

@@ -1,0 +1,109 @@
+"""An indexed folder in hand: moments that show what a text says."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from motionary.archive.writing_out import HIDDEN, INDEX
+from motionary.dictionary import Dictionary
+from motionary.errors import InputError, check_whole
+from motionary.systems.io import model_hash
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A stretch of a clip that a search found.
+
+    Attributes:
+        motion: the clip's file, relative to the archive.
+        start, end: seconds in it.
+        distance: to the text, in the models' space.
+        caption: that was made of it.
+        flags: why the clip is suspected to be broken, by flag.
+    """
+
+    motion: str
+    start: float
+    end: float
+    distance: float
+    caption: str
+    flags: dict[str, str]
+
+
+class Archive:
+    """What :func:`motionary.archive.index_folder` wrote; embeddings stay on the disk.
+
+    Args:
+        folder: the archive, or the place that the results went to.
+
+    Raises:
+        InputError: no index there, or a damaged one.
+
+    Example:
+        >>> Archive("mocap").search(motionary.load("models"), "a person jumps", k=3)  # doctest: +SKIP
+    """
+
+    def __init__(self, folder: str | Path):
+        self.folder = Path(folder)
+        place = self.folder / HIDDEN / INDEX
+        if not (place / "index.json").is_file():
+            raise InputError(folder, "no index", f"run `motionary index {folder}` first")
+        try:
+            self.told: dict[str, Any] = json.loads((place / "index.json").read_text(encoding="utf-8"))
+            self.clips = pq.read_table(place / "clips.parquet").to_pydict()
+            self.windows = pq.read_table(place / "windows.parquet").to_pydict()
+            self.embeddings = np.load(place / "embeddings.npy", mmap_mode="r")
+        except Exception as error:
+            raise InputError(place, error, f"missing or damaged; run `motionary index {folder}` again") from None
+
+    def __len__(self) -> int:
+        """Number of clips."""
+        return len(self.clips["file"])
+
+    def search(self, dictionary: Dictionary, texts: str | Sequence[str], k: int = 5, sound: bool = False) -> list[Any]:
+        """The moments nearest to a text, none of which overlap; for several texts a list of k for each.
+
+        Args:
+            dictionary: with the models that the archive was indexed with.
+            texts: English.
+            k: moments of each text.
+            sound: leave out clips that carry a flag.
+
+        Raises:
+            InputError: a text that cannot be read, k below 1, or other models than those of the index.
+        """
+        check_whole("k", k, 1)
+        judge = self.told["judge"]
+        if model_hash(dictionary.models / judge) != self.told["judge_hash"]:
+            rule = f"was indexed with another {judge}; run `motionary index {self.folder}` again"
+            raise InputError(self.folder, self.told["judge_hash"], rule)
+        several = [texts] if isinstance(texts, str) else texts
+        rows = [self._nearest(query, k, sound) for query in dictionary.embed(texts=several, system=judge)]
+        return rows[0] if isinstance(texts, str) else rows
+
+    def _nearest(self, query: np.ndarray, k: int, sound: bool) -> list[Moment]:
+        away = np.linalg.norm(np.asarray(self.embeddings) - query, axis=-1) if len(self.embeddings) else np.zeros(0)
+        found: list[Moment] = []
+        for row in np.argsort(away, kind="stable"):
+            moment = self._moment(int(row), float(away[row]))
+            if (sound and moment.flags) or any(_overlap(moment, other) for other in found):
+                continue
+            found.append(moment)
+            if len(found) == k:
+                break
+        return found
+
+    def _moment(self, row: int, distance: float) -> Moment:
+        start, end, caption, clip = (self.windows[name][row] for name in ("start", "end", "caption", "clip"))
+        return Moment(self.clips["file"][clip], start, end, distance, caption, json.loads(self.clips["flags"][clip]))
+
+
+def _overlap(one: Moment, other: Moment) -> bool:
+    return one.motion == other.motion and one.start < other.end and other.start < one.end
