@@ -24,7 +24,8 @@ pytestmark = pytest.mark.slow
 TRACED = Path(__file__).parent / "traced"
 TRAINED = ("autoencoder", "tokenizer", "evaluator", "motion2text", "text2token", "inverse_alignment", "text2length")
 TRAINED += ("text2motion", "latents", "global_motion", "stylization", "style_evaluator", "joint_evaluator")
-TRAINED += ("action_evaluator", "action2motion", "temos")
+TRAINED += ("action_evaluator", "action2motion", "temos", "residual_tokenizer")
+TRAINED += ("masked_generator",)
 SMALL = {
     "autoencoder": {"width": 8, "code_dim": 8},
     "tokenizer": {"codebook_size": 8, "code_dim": 8, "width": 8, "fine_width": 8},
@@ -36,6 +37,8 @@ SMALL = {
     "text2length": {"text_width": 8},
     "text2motion": {"text_width": 8, "width": 8, "attention_width": 8, "latent": 4},
     "temos": {"latent": 8, "num_layers": 1, "num_heads": 2, "dim_feedforward": 8},
+    "residual_tokenizer": {"codebook_size": 8, "code_dim": 8, "width": 8, "fine_width": 8},
+    "masked_generator": {"width": 8, "num_layers": 1, "detail_layers": 1, "num_heads": 2, "dim_feedforward": 8},
     "latents": {"width": 8, "code_dim": 8},
     "global_motion": {"width": 8},
     "stylization": {"width": 8, "content_dim": 8, "style_dim": 8},

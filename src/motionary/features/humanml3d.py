@@ -109,6 +109,16 @@ class HumanML3D:
         """Ground positions (..., T, 2), x and z in metres, of raw features (..., T, dim): `decode`'s, for tensors."""
         return _ground_path(features)
 
+    def joints(self, features: torch.Tensor) -> torch.Tensor:
+        """Joint positions (..., T, J, 3) in metres of raw features (..., T, dim): `decode`'s, for tensors."""
+        return recover_positions_torch(features, len(self.skeleton))
+
+    @property
+    def contact_joints(self) -> tuple[int, ...]:
+        """The joint that each column of "contacts" is about."""
+        feet = tuple(self.skeleton.feet)
+        return feet[2:] + feet[:2] if self.skeleton.codec_swaps_sides else feet
+
     def _half_angles(self, positions: np.ndarray) -> np.ndarray:
         """(T,) half the angle about y that turns the smoothed facing to +z: the released root quaternion's."""
         forward = _smooth(forward_vectors(positions, _swapped(self._hips), self._shoulders))

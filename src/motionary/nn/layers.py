@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from motionary.errors import InputError
-from motionary.language import TAGS
+from motionary.language import END, TAGS, UNKNOWN
 from motionary.nn.precision import widened
 from motionary.nn.recurrent import BiGRU
 
@@ -126,6 +126,14 @@ class TextEncoder(nn.Module):
 
     def _read(self, ids: Tensor, tags: Tensor | None) -> Tensor:
         return self.dropout(self.input(self.embedding(ids, tags)))
+
+
+def hide_words(words: Tensor, share: float, generator: torch.Generator) -> Tensor:
+    """Word ids (B, N) of which a share is replaced by the unknown word; special ids stay."""
+    if not share:
+        return words
+    hidden = torch.rand(words.shape, generator=generator, device=words.device) < share
+    return words.masked_fill(hidden & (words > END), UNKNOWN)
 
 
 def load_word_vectors(model: nn.Module, vectors: np.ndarray | None) -> None:

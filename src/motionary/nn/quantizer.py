@@ -114,7 +114,7 @@ class Quantizer(nn.Module):
     @torch.no_grad()
     def restart(self, generator: torch.Generator) -> int:
         """Move codes chosen less than `dead` times the mean to recent latents; returns how many (EMA only)."""
-        if self.kind != "ema" or self._recent is None or not bool(self.started):
+        if self.kind != "ema" or self._recent is None or not len(self._recent) or not bool(self.started):
             return 0
         even = self.counts.mean()
         dead = self.counts < self.dead * even

@@ -30,6 +30,7 @@ SEARCH = "search"  # CorpusSearch
 ACT = "act"  # ActionToMotion
 JUDGE_ACTION = "judge_action"  # ActionClassifier
 BLEND = "blend"  # TextBlender
+INFILL = "infill"  # MotionInfiller of control_protocols
 TELLS = {
     CODEC: "turn motion into codes and back",
     TEXT_TO_MOTION: "turn text into motion",
@@ -42,6 +43,7 @@ TELLS = {
     ACT: "make motions of action labels",
     JUDGE_ACTION: "tell actions apart",
     BLEND: "go from one text to another",
+    INFILL: "complete motions",
 }
 
 
@@ -124,6 +126,16 @@ SYSTEMS: tuple[System, ...] = (
             TEXT_TO_MOTION: "open_generator", BLEND: "open_generator", EMBED: "open_joint_space",
             SEARCH: "open_joint_search",
         }, "build_temos",
+    ),
+    # Residual tokens and masked generation, after MoMask
+    System(
+        "residual_tokenizer", "masked", "residual_tokenizer.ResidualTokenizer",
+        "residual_tokenizer.ResidualTokenizerConfig", offers={CODEC: "open_codec"}, build="build_residual_tokenizer",
+    ),
+    System(
+        "masked_generator", "masked", "masked_generator.MaskedGenerator", "masked_generator.MaskedGeneratorConfig",
+        ("residual_tokenizer",), ("residual_tokenizer", "text2length"),
+        {TEXT_TO_MOTION: "open_motion_filler", INFILL: "open_motion_filler"}, "build_masked_generator",
     ),
     # Latent stylization, thesis chapter 5
     System("latents", "stylization", "latents.Latents", "latents.LatentsConfig", build="build_latents"),

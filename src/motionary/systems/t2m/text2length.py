@@ -13,9 +13,9 @@ from torch import Tensor, nn
 from motionary.corpus.batch import TextBatch
 from motionary.corpus.context import Context
 from motionary.errors import WIDEST, InputError, check_range, check_share
-from motionary.language import END, UNKNOWN, Sentence
+from motionary.language import Sentence
 from motionary.nn.decoding import Sampling
-from motionary.nn.layers import TextEncoder
+from motionary.nn.layers import TextEncoder, hide_words
 from motionary.nn.precision import widened
 from motionary.systems.requests import encode_sentences
 from motionary.systems.trainable import Loss, Trainable
@@ -119,11 +119,3 @@ class Lengths:
             draw = Sampling(temperature).draw
             units = draw(probabilities.log(), torch.tensor(noise, dtype=torch.float64))
         return [(int(k) + 1) * self.context.unit for k in units]
-
-
-def hide_words(words: Tensor, share: float, generator: torch.Generator) -> Tensor:
-    """Word ids (B, N) of which a share is replaced by the unknown word; special ids stay."""
-    if not share:
-        return words
-    hidden = torch.rand(words.shape, generator=generator, device=words.device) < share
-    return words.masked_fill(hidden & (words > END), UNKNOWN)

@@ -13,11 +13,10 @@ from motionary.corpus.batch import PairBatch
 from motionary.corpus.context import Context
 from motionary.errors import HEAVIEST, MOST, WIDEST, check_range, check_share, check_values
 from motionary.nn.gaussian import divergence
-from motionary.nn.layers import length_mask, masked_mean
+from motionary.nn.layers import hide_words, length_mask, masked_mean
 from motionary.nn.snippets import SnippetDecoder, SnippetEncoder
 from motionary.systems.t2m.curriculum import Curriculum
 from motionary.systems.t2m.temporal_vae import TemporalVAE, Unroll
-from motionary.systems.t2m.text2length import hide_words
 from motionary.systems.trainable import Loss, Trainable
 
 

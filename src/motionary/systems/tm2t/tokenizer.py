@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from motionary.corpus.batch import MotionBatch
 from motionary.corpus.context import Context
 from motionary.errors import DEEPEST, HEAVIEST, WIDEST, InputError, check_range, check_share
 from motionary.features import UNIT, width
-from motionary.nn.convolutions import Down, ResBlock, Up, coarser, finer, keep, step_mask
 from motionary.nn.layers import Normalizer, length_mask, masked_mean
-from motionary.nn.precision import widened
 from motionary.nn.quantizer import KINDS, Quantizer, usage
 from motionary.nn.reconstruction import distance, feature_weights, position_error
 from motionary.nn.snippets import prepare
+from motionary.nn.token_networks import TokenDecoder, TokenEncoder
 from motionary.systems.trainable import Loss, Trainable
 
 
@@ -58,61 +57,6 @@ class TokenizerConfig:
         check_range("tokenizer", self, ("restart_until", "freeze_encoder_from"), 0, 1)
         weights = ("commitment_weight", "position_weight", "trajectory_weight", "berhu_threshold")
         check_range("tokenizer", self, weights, 0, HEAVIEST)
-
-
-class TokenEncoder(nn.Module):
-    """E of Eq. 2."""
-
-    def __init__(self, config: TokenizerConfig, features: int):
-        super().__init__()
-        fine = config.fine_width or config.width
-        self.first = Down(features, fine)
-        self.fine = _stack(fine, config.fine_blocks, config.dilation)
-        self.second = Down(fine, config.width)
-        self.coarse = _stack(config.width, config.encoder_blocks, config.dilation)
-        self.output = nn.Conv1d(config.width, config.code_dim, 1) if config.code_dim != config.width else nn.Identity()
-
-    def forward(self, x: Tensor, mask: Tensor | None) -> Tensor:
-        """x (B, C, T) normalized, mask -> latents (B, T/4, d)."""
-        half = coarser(mask)
-        quarter = coarser(half)
-        x = self.first(x, half)
-        for block in self.fine:
-            x = block(x, half)
-        x = self.second(x, quarter)
-        for block in self.coarse:
-            x = block(x, quarter)
-        return widened(keep(self.output(x), quarter).transpose(1, 2))
-
-
-class TokenDecoder(nn.Module):
-    """D of Eq. 2."""
-
-    def __init__(self, config: TokenizerConfig, features: int):
-        super().__init__()
-        fine = config.fine_width or config.width
-        self.input = nn.Conv1d(config.code_dim, config.width, 1) if config.code_dim != config.width else nn.Identity()
-        # Widest blocks first: the context of the whole sentence of tokens, then local detail.
-        self.coarse = _stack(config.width, config.decoder_blocks, config.dilation)[::-1]
-        self.first = Up(config.width, fine)
-        self.second = Up(fine, features)
-        self.output = nn.Conv1d(features, features, 3, padding=1)
-
-    def forward(self, entries: Tensor, count: Tensor | None = None) -> Tensor:
-        """codebook entries (B, S, d), count (B,) | None -> normalized features (B, 4S, D)."""
-        x = entries.transpose(1, 2)
-        quarter = step_mask(count, x)
-        half = finer(quarter)
-        full = finer(half)
-        x = keep(self.input(keep(x, quarter)), quarter)
-        for block in self.coarse:
-            x = block(x, quarter)
-        x = self.second(self.first(x, half), full)
-        return widened(keep(self.output(x), full).transpose(1, 2))
-
-
-def _stack(width: int, blocks: int, dilation: int) -> nn.ModuleList:
-    return nn.ModuleList(ResBlock(width, dilation**n) for n in range(blocks))
 
 
 class Tokenizer(Trainable):

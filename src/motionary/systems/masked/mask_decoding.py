@@ -1,0 +1,136 @@
+"""From masked places to tokens: the plan in a few passes, then the other layers in one pass each (MoMask 3.2, 3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from motionary.nn.decoding import Sampling
+from motionary.nn.layers import length_mask
+from motionary.systems.masked.masked_generator import MaskedGenerator
+from motionary.systems.masked.masked_networks import Memory, Text, TokenReader
+from motionary.systems.masked.masking import masked_counts
+
+Logits = Callable[[Memory, list[tuple[Tensor, Tensor]]], Tensor]  # of one pass, given what the text says
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How tokens are chosen.
+
+    Attributes:
+        sampling: of base codes; None takes the likeliest, places in the order of their probabilities alone.
+        guidance: scale of classifier-free guidance (Ho and Salimans, 2022) of base codes; 1 is off.
+        detail: sampling of the codes of the other layers; None takes the likeliest.
+        detail_guidance: its scale there.
+    """
+
+    sampling: Sampling | None
+    guidance: float
+    detail: Sampling | None
+    detail_guidance: float
+
+
+def draws_needed(model: MaskedGenerator) -> int:
+    """Uniform numbers that one motion takes, whatever its length."""
+    return (2 * model.config.iterations + model.config.num_quantizers - 1) * model.context.max_tokens
+
+
+class TextGuidance:
+    """Passes of one network with a text and, where guidance asks for it, without: none + scale (text - none).
+
+    Both are one batch; the text's keys and values are computed once.
+    """
+
+    def __init__(self, model: MaskedGenerator, reader: TokenReader, text: Text, told: Tensor, scale: float):
+        self.scale, self.twice = scale, scale != 1 and bool(told.any())
+        blank = torch.cat((~told, torch.ones_like(told))) if self.twice else ~told
+        self.memory = model.text(text.twice() if self.twice else text, blank)
+        self.read = reader.read(self.memory)
+
+    def __call__(self, logits: Callable[..., Tensor], x: Tensor, count: Tensor) -> Tensor:
+        """Log-probabilities (B, S, K) of `logits(x, count, memory, read)`."""
+        if not self.twice:
+            return logits(x, count, self.memory, self.read).log_softmax(-1)
+        both = logits(torch.cat((x, x)), torch.cat((count, count)), self.memory, self.read).log_softmax(-1)
+        with_text, without = both.chunk(2)
+        return without + self.scale * (with_text - without)
+
+
+@torch.no_grad()
+def fill(
+    model: MaskedGenerator,
+    text: Text,
+    told: Tensor,
+    codes: Tensor,
+    known: Tensor,
+    count: Tensor,
+    noise: Tensor,
+    drawing: Drawing,
+) -> Tensor:
+    """Codes (B, S, L) with all places of `count` (B,) filled, zero beyond.
+
+    Args:
+        text: of each item; `told` (B,) bool says which have one.
+        codes: (B, S, L), which count where `known` (B, S) is true.
+        noise: (B, draws_needed) uniform in [0, 1), one row of its own for each item.
+    """
+    valid = length_mask(count, codes.shape[1])
+    noise = noise.unflatten(1, (-1, model.context.max_tokens))[..., : codes.shape[1]]  # (B, passes, S)
+    passes = 2 * model.config.iterations
+    guided = TextGuidance(model, model.plan.reader, text, told, drawing.guidance)
+    layers = [_plan(model, guided, codes[..., 0], valid & ~known, count, noise[:, :passes], drawing) * valid]
+    guided = TextGuidance(model, model.detail.reader, text, told, drawing.detail_guidance)
+    so_far = F.embedding(layers[0], model.codebooks[0])  # (B, S, d)
+    for level in range(1, codes.shape[-1]):
+        codebook = model.codebooks[level]
+
+        def logits(x: Tensor, *rest, level: int = level, codebook: Tensor = codebook) -> Tensor:
+            """Of the layer's codes."""
+            return model.detail.logits(model.detail(x, level, *rest), level, codebook)
+
+        drawn = _choose(guided(logits, so_far, count), noise[:, passes + level - 1], drawing.detail)
+        layers.append(torch.where(known, codes[..., level], drawn) * valid)
+        so_far = so_far + F.embedding(layers[-1], codebook)
+    return torch.stack(layers, -1)
+
+
+def _plan(
+    model: MaskedGenerator,
+    guided: TextGuidance,
+    codes: Tensor,
+    hidden: Tensor,
+    count: Tensor,
+    noise: Tensor,
+    drawing: Drawing,
+) -> Tensor:
+    """Base codes (B, S): after each pass the surest stay, and as many are masked again as the schedule says."""
+    steps, mask = model.config.iterations, model.config.codebook_size
+    unknown = hidden.sum(1)  # (B,)
+    codes = codes.masked_fill(hidden, mask)
+    for step in range(steps):
+        scores = guided(model.plan, codes, count)
+        drawn = _choose(scores, noise[:, 2 * step], drawing.sampling)
+        sure = scores.log_softmax(-1).gather(-1, drawn[..., None])[..., 0]
+        if drawing.sampling is not None:
+            # Gumbel noise that dies down lets the first choices be others each time.
+            sure = sure - (1 - (step + 1) / steps) * (-(noise[:, 2 * step + 1].to(sure) + 1e-9).log() + 1e-9).log()
+        codes = torch.where(hidden, drawn, codes)
+        again = masked_counts(unknown, (step + 1) / steps)
+        rank = sure.masked_fill(~hidden, torch.inf).argsort(1).argsort(1)  # the least sure first
+        hidden = hidden & (rank < again[:, None])
+        codes = codes.masked_fill(hidden, mask)
+    return codes
+
+
+def _choose(scores: Tensor, noise: Tensor, sampling: Sampling | None) -> Tensor:
+    """(B, S) codes from log-probabilities (B, S, K), by noise (B, S) or the likeliest."""
+    if sampling is None:
+        return scores.argmax(-1)
+    # Where the noise lives, the CPU: some devices have no float64.
+    drawn = sampling.draw(scores.flatten(0, 1).to(noise.device), noise.flatten())
+    return drawn.view(scores.shape[:2]).to(scores.device)

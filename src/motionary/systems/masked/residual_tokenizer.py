@@ -1,0 +1,183 @@
+"""Residual motion tokens: TM2T's convolutions around a quantizer in layers (MoMask 3.1).
+
+Deviations from MoMask: codebooks start from encoder outputs, each item draws its own number of layers (MoMask: the
+batch), and a loss on feet that slide is added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from motionary.corpus.batch import MotionBatch
+from motionary.corpus.context import Context
+from motionary.errors import DEEPEST, HEAVIEST, WIDEST, InputError, check_range, check_share
+from motionary.features import UNIT, HumanML3D, width
+from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.nn.quantizer import usage
+from motionary.nn.reconstruction import feature_weights, position_error
+from motionary.nn.residual_quantizer import ResidualQuantizer
+from motionary.nn.snippets import prepare
+from motionary.nn.token_networks import TokenDecoder, TokenEncoder
+from motionary.systems.trainable import Loss, Trainable
+
+
+@dataclass(frozen=True)
+class ResidualTokenizerConfig:
+    """Settings of the codec; conf/residual_tokenizer.yaml explains each."""
+
+    codebook_size: int = 512
+    num_quantizers: int = 4
+    shared_codebook: bool = False
+    quantizer_dropout: float = 0.2
+    code_dim: int = 128
+    width: int = 384
+    fine_width: int = 192
+    encoder_blocks: int = 2
+    decoder_blocks: int = 3
+    fine_blocks: int = 1
+    dilation: int = 2
+    commitment_weight: float = 0.02
+    codebook_decay: float = 0.99
+    restart_below: float = 0.1
+    restart_until: float = 0.7
+    codebook_start: float = 0.05
+    hide_contacts: bool = True
+    position_weight: float = 2.0
+    smooth_below: float = 0.2
+    velocity_weight: float = 0.5
+    contact_weight: float = 0.1
+
+    def __post_init__(self) -> None:
+        name = "residual_tokenizer"
+        check_range(name, self, ("codebook_size",), 2, WIDEST)
+        check_range(name, self, ("code_dim", "width"), 1, WIDEST)
+        check_range(name, self, ("fine_width",), 0, WIDEST)
+        check_range(name, self, ("num_quantizers", "dilation"), 1, DEEPEST)
+        check_range(name, self, ("encoder_blocks", "decoder_blocks", "fine_blocks"), 0, DEEPEST)
+        check_share(name, self, ("codebook_decay", "restart_below"))
+        check_range(name, self, ("restart_until", "codebook_start", "quantizer_dropout"), 0, 1)
+        weights = ("commitment_weight", "position_weight", "smooth_below", "velocity_weight", "contact_weight")
+        check_range(name, self, weights, 0, HEAVIEST)
+
+
+class ResidualTokenizer(Trainable):
+    """Motion to tokens in layers and back; features cross its borders raw, foot contacts never reach the encoder.
+
+    A token of S is num_quantizers codes, of which the first says most; decoding takes any number of them.
+    """
+
+    weights: Tensor
+
+    def __init__(self, config: ResidualTokenizerConfig, context: Context):
+        super().__init__()
+        self.config, self.context, self.codec = config, context, context.make_codec()
+        if config.contact_weight and not isinstance(self.codec, HumanML3D):
+            rule = f"must be 0: features of the codec {context.codec} tell no foot contacts"
+            raise InputError("residual_tokenizer.contact_weight", config.contact_weight, rule)
+        self.normalizer = Normalizer(context.mean, context.std)
+        features = len(self.normalizer.mean)
+        self.seen = context.seen_columns(config.hide_contacts)
+        self.encoder = TokenEncoder(config, width(self.seen))
+        self.quantizer = ResidualQuantizer(
+            config.codebook_size, config.code_dim, config.num_quantizers, config.codebook_decay, config.restart_below,
+            config.shared_codebook,
+        )  # fmt: skip
+        self.decoder = TokenDecoder(config, features)
+        self.positions = context.columns("positions")
+        weights = feature_weights(features, self.positions, config.position_weight)
+        self.register_buffer("weights", weights, persistent=False)
+
+    @torch.no_grad()
+    def encode(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
+        """Raw features (B, T, D), valid frames (B,) -> codes (B, T/4, layers); beyond an item's frames they are 0."""
+        codes = self.quantizer.encode(self._latents(raw, frames))
+        if frames is None:
+            return codes
+        return codes * length_mask(frames // UNIT, codes.shape[1])[..., None]
+
+    def decode(self, codes: Tensor, count: Tensor | None = None) -> Tensor:
+        """Codes (B, S, layers), or those of the base (B, S), valid ones (B,) -> raw features (B, 4S, D)."""
+        codes = codes[..., None] if codes.dim() == 2 else codes
+        return self.normalizer.inverse(self.decoder(self.quantizer.look_up(codes), count))
+
+    @torch.no_grad()
+    def token_contexts(self) -> Tensor:
+        """Every code of the base decoded alone: raw segments (K, 4, D)."""
+        return self.decode(torch.arange(self.config.codebook_size, device=self.normalizer.mean.device)[:, None])
+
+    def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
+        """Smooth L1 on features and on joint velocities, sliding feet, and commitment."""
+        config, layers = self.config, self.config.num_quantizers
+        warm = self.training and progress < config.codebook_start
+        if self.training and not warm and not self.quantizer.started:
+            with torch.no_grad():
+                latents = self._latents(batch.motion, batch.frames)
+                self.quantizer.start(latents[length_mask(batch.frames // UNIT, latents.shape[1])], generator)
+        kept = torch.full_like(batch.frames, layers)
+        if self.training and layers > 1:
+            draws = torch.rand(2, len(kept), generator=generator, device=kept.device)
+            fewer = 1 + (draws[1] * (layers - 1)).long()
+            kept = torch.where(draws[0] < config.quantizer_dropout, fewer, kept)
+        total, terms, _ = self._loss(batch, kept, warm)
+        return total, terms
+
+    @torch.no_grad()
+    def validate(self, batch: MotionBatch) -> dict[str, Tensor]:
+        """The loss, its terms and the error of the local joint positions in millimetres, by all layers and the base."""
+        frames = batch.frames // UNIT * UNIT
+        total, terms, output = self._loss(batch, torch.full_like(frames, self.config.num_quantizers), False)
+        decoded = self.normalizer.inverse(output)
+        base = self.decode(self.encode(batch.motion, batch.frames)[..., 0], batch.frames // UNIT)
+        errors = [position_error(motion, batch.motion, frames, self.positions) for motion in (decoded, base)]
+        return {**terms, "loss": total, "position_mm": errors[0], "base_position_mm": errors[1]}
+
+    def after_step(self, step: int, progress: float, generator: torch.Generator) -> None:
+        """Restart dead codes."""
+        if progress < self.config.restart_until:
+            self.quantizer.restart(generator)
+
+    def _latents(self, raw: Tensor, frames: Tensor | None) -> Tensor:
+        x, mask = prepare(self.normalizer(raw), frames)
+        return self.encoder(x[:, self.seen], mask)
+
+    def _loss(self, batch: MotionBatch, kept: Tensor, warm: bool) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+        config, count = self.config, batch.frames // UNIT  # (B,) tokens
+        latents = self._latents(batch.motion, batch.frames)  # (B, S, d)
+        valid = length_mask(count, latents.shape[1])  # (B, S)
+        terms: dict[str, Tensor] = {}
+        entries, commitment = latents, latents.new_zeros(())
+        if not warm:  # a plain autoencoder at first: codes drawn from its latents start near what they have to say
+            entries, codes, commitment = self.quantizer(latents, valid, kept)
+            terms["usage"], terms["perplexity"] = usage(codes[..., 0][valid], config.codebook_size)
+        output = self.decoder(entries, count)  # (B, 4 S, D) normalized
+        target = self.normalizer(batch.motion[:, : output.shape[1]])
+        mask = length_mask(count * UNIT, output.shape[1])  # (B, 4 S)
+        terms["reconstruction"] = masked_mean(_smooth_l1(output - target, config.smooth_below) * self.weights, mask)
+        terms["commitment"] = commitment
+        total = terms["reconstruction"] + config.commitment_weight * commitment
+        if config.velocity_weight:
+            change = (output - target)[..., self.positions].diff(dim=1)
+            terms["velocity"] = masked_mean(_smooth_l1(change, config.smooth_below), mask[:, 1:])
+            total = total + config.velocity_weight * terms["velocity"]
+        if config.contact_weight:
+            terms["sliding"] = self._sliding(self.normalizer.inverse(output), mask)
+            total = total + config.contact_weight * terms["sliding"]
+        return total, {name: value.detach() for name, value in terms.items()}, output
+
+    def _sliding(self, raw: Tensor, mask: Tensor) -> Tensor:
+        """Mean speed of the feet in m/s where raw features (B, T, D) say that they stand, the root integrated."""
+        assert isinstance(self.codec, HumanML3D)
+        feet = self.codec.joints(raw)[..., self.codec.contact_joints, :]  # (B, T, 4, 3)
+        # A hair above 0, where a square root has no finite slope.
+        speed = ((feet.diff(dim=1).square().sum(-1) + 1e-8).sqrt()) * self.context.fps  # (B, T - 1, 4)
+        stands = raw[:, :-1, self.context.columns("contacts")].detach().clamp(0, 1)
+        return masked_mean(stands * speed, mask[:, 1:])
+
+
+def _smooth_l1(difference: Tensor, below: float) -> Tensor:
+    """Elementwise L1, squared where it is small."""
+    return F.smooth_l1_loss(difference, torch.zeros_like(difference), reduction="none", beta=below)
