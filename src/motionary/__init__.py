@@ -44,10 +44,10 @@ def _to(motion: Motion, rig: Skeleton | Motion | Path | str) -> Motion:
     return to_rig(motion, read_rig(rig))
 
 
-def _plant(motion: Motion) -> Motion:
+def _plant(motion: Motion, first_frame: int) -> Motion:
     from motionary.motion.planting import plant_feet
 
-    return plant_feet(motion)
+    return plant_feet(motion, first_frame)
 
 
 save_with(_save, _to, _plant)  # motion itself knows no file format, and nothing that stands on it

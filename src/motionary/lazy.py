@@ -43,6 +43,6 @@ def to(motion: Any, rig: Any) -> Any:
     return _formats[1](motion, rig)
 
 
-def plant(motion: Any) -> Any:
+def plant(motion: Any, first_frame: int) -> Any:
     """Lets the feet of a motion stand with what was handed in."""
-    return _formats[2](motion)
+    return _formats[2](motion, first_frame)

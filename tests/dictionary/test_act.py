@@ -47,9 +47,19 @@ def test_transitions_starts_and_interpolation(d):
     assert longer.frames == 60
     apart = [np.linalg.norm(p[:, :1] - p[:, 1:], axis=-1) for p in (longer.positions[:20], start.positions)]
     assert np.allclose(*apart, atol=0.02)  # the same poses, put on the floor and turned ahead
-    between = d.between_actions("walk", steps=3, seconds=1, seeds=(0, 5))
-    assert np.allclose(between[0].positions, d.act("walk", seconds=1, seed=0)[0].positions, atol=1e-5)
-    assert np.allclose(between[-1].positions[0], d.act("walk", seconds=1, seed=5)[0].positions[0], atol=1e-5)
+    between = d.between_actions("walk", steps=3, seconds=1, seeds=(0, 5), feet=False)
+    first, last = (d.act("walk", seconds=1, seed=seed, feet=False)[0].positions for seed in (0, 5))
+    assert np.allclose(between[0].positions, first, atol=1e-5)
+    assert np.allclose(between[-1].positions[0], last[0], atol=1e-5)
+
+
+def test_feet_stand_unless_they_shall_not(d):
+    raw, planted = (d.act("walk", seconds=2, feet=feet)[0] for feet in (False, True))
+    assert np.array_equal(planted.positions, raw.plant_feet().positions)
+    assert not np.array_equal(planted.positions, raw.positions)
+    raw, planted = (d.act("walk", seconds=1, start=raw, feet=feet)[0] for feet in (False, True))
+    assert np.array_equal(planted.positions[:40], raw.positions[:40])
+    assert not np.array_equal(planted.positions[40:], raw.positions[40:])
 
 
 @pytest.mark.parametrize(

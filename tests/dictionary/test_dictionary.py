@@ -60,6 +60,15 @@ def test_a_seed_repeats_and_company_changes_nothing(d):
     assert not same(together[0][0], d.generate(TEXTS[0], seed=6)[0])
 
 
+def test_feet_stand_unless_they_shall_not(d):
+    for name in d.offering(TEXT_TO_MOTION):
+        raw, planted = (d.generate(TEXTS[0], system=name, seconds=2, feet=feet)[0] for feet in (False, True))
+        assert same(planted, raw.plant_feet())
+        assert not same(planted, raw)
+    with pytest.raises(InputError, match="feet: yes: must be True or False"):
+        d.generate(TEXTS[0], seconds=2, feet="yes")
+
+
 @pytest.mark.parametrize(("seconds", "frames"), [(3, 60), (0.2, 4), (2.51, 52), (10, 196), (9.8, 196)])
 def test_seconds_are_kept(d, seconds, frames):
     assert d.generate("a person walks", seconds=seconds)[0].frames == frames

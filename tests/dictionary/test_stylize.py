@@ -54,6 +54,14 @@ def test_variants_repeat_by_seed_and_alone(d, walk):
     assert not same(alone[0], d.stylize(walk, style="old", seed=5)[0])
 
 
+def test_feet_stand_unless_they_shall_not(d, walk):
+    raw, planted = (d.stylize(walk, style="happy", feet=feet)[0] for feet in (False, True))
+    assert same(planted, raw.plant_feet())
+    assert not same(planted, raw)
+    raw, planted = (d.interpolate(walk, "happy", "old", steps=2, feet=feet)[1] for feet in (False, True))
+    assert same(planted, raw.plant_feet())
+
+
 def test_any_length_rate_and_rig(d, walk):
     """Longer than any window, at 30 fps, on the rig of KIT: the result lasts as long, at the models' rate and rig."""
     long = Motion(np.concatenate([walk.positions] * 8)[:401], 20.0, walk.skeleton)

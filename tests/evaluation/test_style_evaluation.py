@@ -13,7 +13,16 @@ from motionary.errors import InputError
 from motionary.evaluation.style_draws import HELD_OUT, TARGETS, TEST, UNLABELED, Drawer
 from motionary.evaluation.style_figures import draw_codes, many_styles
 from motionary.evaluation.style_measures import local_rotations, spread, turned
-from motionary.evaluation.style_scores import CELL, COPIED_ROOT, COPY, REAL, STYLE, StyleProtocol, score_stylization
+from motionary.evaluation.style_scores import (
+    CELL,
+    COPIED_ROOT,
+    COPY,
+    PLANTED,
+    REAL,
+    STYLE,
+    StyleProtocol,
+    score_stylization,
+)
 from motionary.metrics.physics import MEASURES
 from motionary.systems.judges.style_evaluator import StyleJudge
 
@@ -100,7 +109,9 @@ def test_a_copier_meets_the_floor_of_style_and_the_ceiling_of_content(corpus, sp
 def test_rows_say_what_was_asked(perfect):
     rows, stylizer = perfect
     ablated = [f"{way} {COPIED_ROOT}" for way in (WAYS[0], WAYS[2])]
-    assert set(rows) == {REAL, COPY, STYLE, CELL, *WAYS, *ablated}
+    planted = [PLANTED.format(way) for way in WAYS]
+    assert set(rows) == {REAL, COPY, STYLE, CELL, *WAYS, *ablated, *planted}
+    assert all(mean(rows, made, "bone_change") < 1e-4 for made in planted)
     assert set(stylizer.asked) == {
         ("supervised", True, True, True), ("supervised", True, True, False), ("supervised", True, False, True),
         ("unsupervised", False, True, True), ("unsupervised", False, True, False), ("unsupervised", False, False, True),

@@ -27,6 +27,7 @@ def build_act_tab(
     seconds = gui.add_slider("Seconds each", min=0.4, max=limits.MOST_GENERATED, step=0.2, initial_value=3.0)
     scale = gui.add_slider("Body", min=0.5, max=2.0, step=0.05, initial_value=1.0)
     seed = gui.add_number("Action seed", 0, min=0, max=limits.LARGEST_SEED, step=1)
+    feet = gui.add_checkbox("Acted feet stand", True, hint=limits.FEET)
     button = gui.add_button("Act")
 
     def names() -> None:
@@ -45,7 +46,7 @@ def build_act_tab(
         length = within("seconds", seconds.value, 0.4, limits.MOST_GENERATED)
         start = int(within("seed", seed.value, 0, limits.LARGEST_SEED))
         size = within("body", scale.value, 0.5, 2.0)
-        motions = turns.on_models(lambda: dictionary.act(actions, n, length, start, size))
+        motions = turns.on_models(lambda: dictionary.act(actions, n, length, start, size, feet=bool(feet.value)))
         title = ", then ".join(actions)
         titles = [title if n == 1 else f"{k + 1}. {title}" for k in range(n)]
         show(motions, titles, [title] * n, f"{n} motions")

@@ -65,6 +65,7 @@ class Panel:
         seed = gui.add_number("Seed", 0, min=0, max=limits.LARGEST_SEED, step=1)
         hint = "0: the system decides"
         seconds = gui.add_slider("Seconds", min=0.0, max=limits.MOST_GENERATED, step=0.2, initial_value=0.0, hint=hint)
+        feet = gui.add_checkbox("Feet stand", True, hint=limits.FEET)
         button = gui.add_button("Generate")
 
         def work() -> None:
@@ -73,7 +74,7 @@ class Panel:
             n = int(within("variants", count.value, 1, limits.MOST_VARIANTS))
             name = among("system", system.value, generators)
             start = int(within("seed", seed.value, 0, limits.LARGEST_SEED))
-            motions = self._turns.on_models(self.dictionary.generate, text, n, length, name, start)
+            motions = self._turns.on_models(self.dictionary.generate, text, n, length, name, start, bool(feet.value))
             words = self._turns.on_models(self.dictionary.read_as, text)
             titles = [text if len(motions) == 1 else f"{k + 1}. {text}" for k in range(len(motions))]
             self._show(motions, titles, [text] * len(motions), f"Read as: {words}")
@@ -110,6 +111,7 @@ class Panel:
             reference = gui.add_upload_button("Upload a reference", mime_type=",".join(READABLE))
             strength = gui.add_slider("Strength", min=0.0, max=limits.MOST_STRENGTH, step=0.05, initial_value=1.0)
             seed = gui.add_number("Style seed", 0, min=0, max=limits.LARGEST_SEED, step=1)
+            feet = gui.add_checkbox("Stylized feet stand", True, hint=limits.FEET)
             button = gui.add_button("Stylize")
 
         def labels() -> None:
@@ -129,7 +131,7 @@ class Panel:
             content = self._loaded or next((item.motion for item in self.player.items), None)
             if content is None:
                 raise InputError("motion", "none", "upload or generate one first")
-            chosen: dict[str, Any] = {}
+            chosen: dict[str, Any] = {"feet": bool(feet.value)}
             if style.value == _REFERENCE:
                 if self._reference is None:
                     raise InputError("reference", "none", "upload one first")

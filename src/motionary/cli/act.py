@@ -21,6 +21,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     told = "motions between the first poses of two seeds, in place of -n and --seed: as many as --steps"
     add.add_argument("--between", type=int, nargs=2, metavar="SEED", help=told)
     add.add_argument("--steps", type=shared.count, default=5, help="for --between (5)")
+    shared.add_feet(add)
     add_outputs(add)
     shared.add_reading(add)
     shared.add_seed(add)
@@ -45,9 +46,11 @@ def _run(options: argparse.Namespace) -> None:
     dictionary = shared.open_models(options)
     if options.between is not None:
         seeds = (options.between[0], options.between[1])
-        made = dictionary.between_actions(options.actions[0], options.steps, seconds, seeds, options.scale)
+        made = dictionary.between_actions(
+            options.actions[0], options.steps, seconds, seeds, options.scale, options.feet
+        )
     else:
-        made = dictionary.act(options.actions, options.n, seconds, options.seed, options.scale, start)
+        made = dictionary.act(options.actions, options.n, seconds, options.seed, options.scale, start, options.feet)
     rows: list[dict[str, Any]] = []
     for variant, (name, motion) in enumerate(zip(names, made, strict=True)):
         files = outputs.write(motion, name, ", ".join(options.actions))

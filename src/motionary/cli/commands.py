@@ -8,13 +8,27 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from motionary.cli import act, app, bundle, caption, convert, export, fetch, generate, index, search, stylize, view
+from motionary.cli import (
+    act,
+    app,
+    bundle,
+    caption,
+    convert,
+    edit,
+    export,
+    fetch,
+    generate,
+    index,
+    search,
+    stylize,
+    view,
+)
 from motionary.cli.command import build_parser
 from motionary.errors import InputError, InputWarning
 
 COMMANDS = tuple(
     module.COMMAND
-    for module in (generate, caption, stylize, act, search, index, convert, export, fetch, view, app, bundle)
+    for module in (generate, edit, caption, stylize, act, search, index, convert, export, fetch, view, app, bundle)
 )
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
+from motionary.cli.constraints import add_constraints, lengths, read_keyframes
 from motionary.cli.outputs import Outputs, add_outputs, variants
 
 if TYPE_CHECKING:
@@ -21,11 +22,13 @@ CHUNK = 128  # motions generated and written before the next are begun, so that 
 def _arguments(add: argparse.ArgumentParser) -> None:
     shared.add_prompts(add)
     add.add_argument("-n", type=shared.count, default=1, help="motions for each prompt (1)")
-    add.add_argument("--seconds", type=float, help="length; the system decides where not given")
+    add.add_argument("--seconds", type=lengths, metavar="A,B", help="length, or one a prompt; else the system decides")
+    add_constraints(add)
     shared.add_system(add)
     add_outputs(add)
     add.add_argument("--temperature", type=float, help="of sampling")
     add.add_argument("--top-p", type=float, help="of sampling")
+    shared.add_feet(add)
     add.add_argument("--style", metavar="NAME", help="stylize the result")
     shared.add_seed(add)
     shared.add_models(add)
@@ -37,14 +40,16 @@ def _run(options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     prompts = shared.read_prompts(options)
-    names = _names(prompts, options.n)
+    keyframes = read_keyframes(options)
+    names = _names(["-".join(prompts)] if options.join else prompts, options.n)
     outputs = Outputs(options, (name for row in names for name in row))
     dictionary = shared.open_models(options)
     rows: list[dict[str, Any]] = []
-    total = len(prompts) * options.n
+    total = len(names) * options.n
     with tqdm(total=total, unit="motion", desc="generate", disable=total < 4) as bar:
-        made = _generated(dictionary, prompts, options)
-        for text, row, motions in zip(prompts, names, made, strict=True):
+        made = _generated(dictionary, prompts, options, keyframes)
+        told = [", then ".join(prompts)] if options.join else prompts
+        for text, row, motions in zip(told, names, made, strict=True):
             what = {"text": text, "read_as": dictionary.read_as(text), "seed": options.seed}
             for variant, (name, motion) in enumerate(zip(row, motions, strict=True)):
                 seconds, files = round(motion.duration, 3), outputs.write(motion, name, text)
@@ -53,19 +58,28 @@ def _run(options: argparse.Namespace) -> None:
     shared.show(options, rows, [file for row in rows for file in row["files"]])
 
 
-def _generated(dictionary: Dictionary, prompts: Sequence[str], options: argparse.Namespace) -> Iterator[list[Motion]]:
+def _generated(
+    dictionary: Dictionary, prompts: Sequence[str], options: argparse.Namespace, keyframes: Mapping[float, Motion]
+) -> Iterator[list[Motion]]:
     """The variants of each prompt, in the style asked for; a chunk of prompts is generated together."""
     chosen = {key: value for key in ("temperature", "top_p") if (value := getattr(options, key)) is not None}
-    chunk = max(1, CHUNK // options.n)
+    seconds = options.seconds[0] if options.seconds and len(options.seconds) == 1 else options.seconds
+    constraints = {"join": options.join, "loop": options.loop, "path": options.path, "keyframes": keyframes or None}
+    asked = (options.system, options.seed, options.feet)
+    # Lengths one a prompt, and prompts that become one motion, belong together.
+    whole = options.join or isinstance(seconds, list)
+    chunk = len(prompts) if whole else max(1, CHUNK // options.n)
     for first in range(0, len(prompts), chunk):
         part = prompts[first : first + chunk]
-        for motions in dictionary.generate(part, options.n, options.seconds, options.system, options.seed, **chosen):
+        made = dictionary.generate(part, options.n, seconds, *asked, **constraints, **chosen)
+        for motions in [made] if options.join else made:
             yield motions if options.style is None else _restyled(dictionary, motions, options)
 
 
 def _restyled(dictionary: Dictionary, motions: Sequence[Motion], options: argparse.Namespace) -> list[Motion]:
     """Generated motions in the style asked for, each variant with a draw of its own."""
-    draws = (dictionary.stylize(m, options.style, seed=options.seed + k) for k, m in enumerate(motions))
+    seed, feet = options.seed, options.feet
+    draws = (dictionary.stylize(m, options.style, seed=seed + k, feet=feet) for k, m in enumerate(motions))
     return [motion for (motion,) in draws]
 
 
@@ -88,5 +102,9 @@ COMMAND = Command(
         "motionary generate --file prompts.txt --seconds 4 --json",
         'echo "a person jumps" | motionary generate',
         'motionary generate "a person walks" --style old',
+        'motionary generate "a person walks" "a person sits down" --seconds 3,2 --join',
+        'motionary generate "a person walks" --path "0,0 0,2 2,3" --out out',
+        'motionary generate "a person waves" --seconds 3 --loop',
+        'motionary generate "a person walks" --seconds 3 --keyframe 0=walk.bvh --keyframe 1.5=walk.bvh@1.5',
     ),
 )

@@ -53,6 +53,12 @@ def add_system(add: argparse.ArgumentParser) -> None:
     add.add_argument("--system", help="which system answers (the usual one)")
 
 
+def add_feet(add: argparse.ArgumentParser) -> None:
+    """--feet and --no-feet."""
+    told = "feet stand still while they stand (yes); --no-feet: as the models made them"
+    add.add_argument("--feet", action=argparse.BooleanOptionalAction, default=True, help=told)
+
+
 def open_models(options: argparse.Namespace) -> Dictionary:
     """The dictionary of --models."""
     from motionary.dictionary import load

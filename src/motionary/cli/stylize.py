@@ -19,6 +19,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("-n", type=shared.count, default=1, help="variants of each; a reference has only one (1)")
     keep = {"action": argparse.BooleanOptionalAction, "default": True}
     add.add_argument("--keep-rig", help="results on the rig and at the rate of each file (yes, unless --onto)", **keep)
+    shared.add_feet(add)
     add_outputs(add)
     shared.add_reading(add)
     shared.add_cut(add)
@@ -38,7 +39,7 @@ def _run(options: argparse.Namespace) -> None:
         reference = read_motion(options.reference, fps=options.fps, **shared.reading(options))
     dictionary = shared.open_models(options)
     keep = options.keep_rig and options.onto is None  # onto a third rig by way of the file's own would cost accuracy
-    asked = (options.style, reference, options.n, options.seed, options.strength, keep)
+    asked = (options.style, reference, options.n, options.seed, options.strength, keep, options.feet)
     found = shared.all_or_each(options, motions, lambda several: dictionary.stylize(several, *asked))
     rows: list[dict[str, Any]] = []
     for path, row in zip(options.files, names, strict=True):

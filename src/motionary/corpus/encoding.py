@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -50,6 +51,13 @@ def as_motion(made: np.ndarray | Motion, context: Context) -> Motion:
     ``context.make_codec().decode(...)``.
     """
     return made if isinstance(made, Motion) else context.make_codec().decode(made, fps=context.fps)
+
+
+def planted(motions: Sequence[Motion], feet: bool = True, first_frame: int = 0) -> list[Motion]:
+    """The motions with feet that stand, from a frame on; as they are where that is not wanted."""
+    if not isinstance(feet, bool):
+        raise InputError("feet", feet, "must be True or False")
+    return [motion.plant_feet(min(first_frame, motion.frames)) if feet else motion for motion in motions]
 
 
 def as_features(made: np.ndarray | Motion, context: Context) -> np.ndarray:

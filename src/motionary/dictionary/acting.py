@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from motionary.corpus.encoding import as_joints, frames_of, listed
+from motionary.corpus.encoding import as_joints, frames_of, listed, planted
 from motionary.errors import InputError, check_whole
 from motionary.motion import Motion
 from motionary.systems.action_protocols import ActionToMotion
@@ -21,6 +21,7 @@ def act(
     seed: int,
     scale: float,
     start: Motion | None,
+    feet: bool,
 ) -> list[Motion]:
     """n motions of one plan; see the dictionary's method."""
     check_whole("n", n, 1)
@@ -35,7 +36,8 @@ def act(
         (given,) = listed(start, Motion, "start")
         starts = [as_joints(given, actor.context)] * n
     seeds = [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(n)]
-    return actor.act([plan] * n, seeds, starts=starts, scale=scale)
+    first_frame = 0 if starts is None else len(starts[0])
+    return planted(actor.act([plan] * n, seeds, starts=starts, scale=scale), feet, first_frame)
 
 
 def between(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from motionary.corpus.encoding import as_motion, frames_of
+from motionary.corpus.encoding import as_motion, frames_of, planted
 from motionary.dictionary.folder import Folder
 from motionary.errors import check_whole
 from motionary.language import annotate, check_prompt
@@ -16,7 +16,7 @@ class Blending(Folder):
 
     def blend(
         self, first: str, second: str, steps: int = 5, seconds: float | None = None, seed: int = 0,
-        system: str | None = None,
+        system: str | None = None, feet: bool = True,
     ) -> list[Motion]:  # fmt: skip
         """`steps` motions of one length, the first of one text, the last of the other, the rest between them.
 
@@ -26,6 +26,7 @@ class Blending(Folder):
             seconds: length, rounded to whole motion tokens; None draws it from the first text.
             seed: equal texts, steps, length and seed give equal motions.
             system: the system that mixes texts; None takes the usual one.
+            feet: let them stand; False gives what the system made.
 
         Raises:
             InputError: a text that cannot be read, a value out of range, a system that is not there.
@@ -36,4 +37,5 @@ class Blending(Folder):
         blender: TextBlender = self._open(BLEND, system)
         frames = None if seconds is None else frames_of(seconds, blender.context)
         with self._lock:
-            return [as_motion(made, blender.context) for made in blender.blend(one, other, steps, frames, seed)]
+            made = blender.blend(one, other, steps, frames, seed)
+        return planted([as_motion(features, blender.context) for features in made], feet)

@@ -8,17 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from motionary.corpus.encoding import as_motion, encode, frames_of, listed
-from motionary.dictionary.blending import Blending
+from motionary.corpus.encoding import encode, listed, planted
+from motionary.dictionary.editing import Editing
 from motionary.dictionary.matches import Match
 from motionary.dictionary.places import usual_models
 from motionary.errors import InputError, check_whole
-from motionary.language import Sentence, annotate, check_prompt
+from motionary.language import Sentence
 from motionary.motion import Motion
-from motionary.systems.protocols import CorpusSearch, MotionToText, TextToMotion
+from motionary.systems.protocols import CorpusSearch, MotionToText
 from motionary.systems.registry import ACT, EMBED, MOTION_TO_TEXT, SEARCH, STYLIZE, TEXT_TO_MOTION
-
-OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")  # of sampling; a system may ignore some
 
 
 def load(models: str | Path | None = None, device: str = "auto") -> Dictionary:
@@ -46,50 +44,8 @@ def load(models: str | Path | None = None, device: str = "auto") -> Dictionary:
     return dictionary
 
 
-class Dictionary(Blending):
+class Dictionary(Editing):
     """A folder of trained systems that is asked; see :func:`load`. Several threads may share one: they take turns."""
-
-    def generate(
-        self,
-        texts: str | Sequence[str],
-        n: int = 1,
-        seconds: float | None = None,
-        system: str | None = None,
-        seed: int = 0,
-        **options: float,
-    ) -> list[Any]:
-        """Motions that a text describes.
-
-        Args:
-            texts: one English text, or several that are generated together.
-            n: variants of each text.
-            seconds: length, rounded to whole motion tokens (0.2 s at 20 fps); None lets the system decide. The
-                longest that systems learn is a little shorter than ten seconds: 10 gives 9.8.
-            system: the text-to-motion system that answers; None takes the usual one.
-            seed: equal text, variant, seed and options give an equal motion, whatever else is asked with them.
-            options: of sampling: temperature, top_k, top_p, guidance, greedy.
-
-        Returns:
-            n motions; for several texts a list of n motions for each.
-
-        Raises:
-            InputError: a text that cannot be read, a value out of range, a system that is not there.
-        """
-        sentences = self._sentences(texts)
-        check_whole("n", n, 1)
-        check_whole("seed", seed, 0)
-        for name in options:
-            if name not in OPTIONS:
-                raise InputError(name, options[name], f"unknown option; known: {', '.join(OPTIONS)}")
-        generator: TextToMotion = self._open(TEXT_TO_MOTION, system)
-        context = generator.context
-        frames = None if seconds is None else [frames_of(seconds, context)] * (n * len(sentences))
-        seeds = [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(n)] * len(sentences)
-        with self._lock:
-            features = generator.generate([s for s in sentences for _ in range(n)], seeds, frames, **options)
-        motions = [as_motion(f, context) for f in features]
-        rows = [motions[i : i + n] for i in range(0, len(motions), n)]
-        return rows[0] if isinstance(texts, str) else rows
 
     def caption(
         self,
@@ -196,6 +152,7 @@ class Dictionary(Blending):
         seed: int = 0,
         strength: float = 1.0,
         keep_rig: bool = False,
+        feet: bool = True,
     ) -> list[Any]:
         """A motion in another style: of a label, of a reference motion, of both, or of neither, drawn at random.
 
@@ -207,6 +164,7 @@ class Dictionary(Blending):
             seed: equal motion, style, seed and variant give an equal result, whatever else is asked with them.
             strength: 0 keeps the motion as it is, 1 is the full style, more exaggerates.
             keep_rig: return each motion onto the rig and rate that it came from.
+            feet: let them stand; False gives what the models made.
 
         Returns:
             n motions, as long as the given one, at the models' rate and on their skeleton unless `keep_rig`, starting
@@ -222,12 +180,19 @@ class Dictionary(Blending):
         transfer = self._open(STYLIZE)
         with self._lock:
             found = stylize(transfer, several, style, reference, n, seed, strength)
+        found = [planted(row, feet) for row in found]
         if keep_rig:
             found = [[returned(made, motion) for made in row] for row, motion in zip(found, several, strict=True)]
         return found[0] if isinstance(motions, Motion) else found
 
     def interpolate(
-        self, motion: Motion, first: str | Motion, second: str | Motion, steps: int = 5, seed: int = 0
+        self,
+        motion: Motion,
+        first: str | Motion,
+        second: str | Motion,
+        steps: int = 5,
+        seed: int = 0,
+        feet: bool = True,
     ) -> list[Motion]:
         """A motion in `steps` styles from one to another: two names among :attr:`styles`, or two reference motions.
 
@@ -239,7 +204,7 @@ class Dictionary(Blending):
         (content,) = listed(motion, Motion, "motion")
         transfer = self._open(STYLIZE)
         with self._lock:
-            return interpolate(transfer, content, first, second, steps, seed)
+            return planted(interpolate(transfer, content, first, second, steps, seed), feet)
 
     @property
     def actions(self) -> tuple[str, ...]:
@@ -254,6 +219,7 @@ class Dictionary(Blending):
         seed: int = 0,
         scale: float = 1.0,
         start: Motion | None = None,
+        feet: bool = True,
     ) -> list[Motion]:
         """Motions of an action, or of several that follow each other in one motion.
 
@@ -264,6 +230,7 @@ class Dictionary(Blending):
             seed: equal actions, seconds, seed and variant give an equal motion, whatever else is asked.
             scale: of the body.
             start: a motion that is gone on from: its frames stand before the others.
+            feet: let them stand from there on; False gives what the model made.
 
         Raises:
             InputError: an unknown action (the known ones are listed), a value out of range, a start on an unknown rig.
@@ -272,10 +239,16 @@ class Dictionary(Blending):
 
         actor = self._open(ACT)
         with self._lock:
-            return act(actor, action, n, seconds, seed, scale, start)
+            return act(actor, action, n, seconds, seed, scale, start, feet)
 
     def between_actions(
-        self, action: str, steps: int = 5, seconds: float = 3.0, seeds: tuple[int, int] = (0, 1), scale: float = 1.0
+        self,
+        action: str,
+        steps: int = 5,
+        seconds: float = 3.0,
+        seeds: tuple[int, int] = (0, 1),
+        scale: float = 1.0,
+        feet: bool = True,
     ) -> list[Motion]:
         """`steps` motions of an action, from the first seed's to one that starts as the second's.
 
@@ -286,14 +259,11 @@ class Dictionary(Blending):
 
         actor = self._open(ACT)
         with self._lock:
-            return between(actor, action, steps, seconds, seeds, scale)
+            return planted(between(actor, action, steps, seconds, seeds, scale), feet)
 
     def read_as(self, text: str) -> str:
         """The words that the systems read in a text: normalized, typos corrected, unknown ones marked."""
         return self._corrected(self._sentences(text))[0].normalized
-
-    def _sentences(self, texts: str | Sequence[str]) -> list[Sentence]:
-        return annotate([check_prompt(text) for text in listed(texts, str, "text")])
 
     def _corrected(self, sentences: list[Sentence]) -> list[Sentence]:
         """With typos corrected to words of the training captions."""

@@ -116,7 +116,7 @@ class _Scorer:
         return found
 
     def physics(self) -> dict[str, dict[str, float]]:
-        """Means of the physical measures of real test motions and of every variant's."""
+        """Means of the physical measures of real test motions and of every variant's, as made and with feet planted."""
         test = self._real("coarse", "test")
         rng = np.random.default_rng([self.seed, 2])
         rows = {REAL: test.joints[: self.protocol.physics_motions]}
@@ -125,10 +125,16 @@ class _Scorer:
             base = test if kind == "coarse" else self._real(kind, "test")
             if len(base.joints):
                 rows[variant] = self._motions(variant, kind, base, self.protocol.physics_motions, rng)[0]
-        return {row: self._measured(joints) for row, joints in rows.items() if joints}
+        found = {}
+        for row, motions in ((row, [self._motion(j) for j in joints if len(j) >= 4]) for row, joints in rows.items()):
+            if motions:
+                found[row] = self._measured(motions)
+            if motions and row != REAL:
+                found[f"{row}, feet planted"] = self._measured([motion.plant_feet() for motion in motions])
+        return found
 
-    def _measured(self, joints: Sequence[np.ndarray]) -> dict[str, float]:
-        found = [physics(self._motion(j)) for j in joints if len(j) >= 4]
+    def _measured(self, motions: Sequence[Motion]) -> dict[str, float]:
+        found = [physics(motion) for motion in motions]
         return {name: round(float(np.mean([row[name] for row in found])), 6) for name in MEASURES}
 
     def _skating(self, made: Judged) -> dict[str, float]:

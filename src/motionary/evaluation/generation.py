@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 from motionary.corpus.context import Context
-from motionary.corpus.encoding import as_features
+from motionary.corpus.encoding import as_features, as_motion
 from motionary.evaluation.confirmation import confirmed, fitted_oracle
 from motionary.evaluation.items import Items, sentence_of
 from motionary.evaluation.jury import Features, Jury
-from motionary.evaluation.plausibility import plausibility
+from motionary.evaluation.plausibility import mean_physics, plausibility
 from motionary.evaluation.scores import Protocol
 from motionary.language import Sentence, annotate
 from motionary.metrics.distribution import multimodality
@@ -42,7 +42,8 @@ def score_generator(
 
     Returns:
         "generation" and "real": rows by part; "real" is judged with the same captions and pools. "agreement" of the
-        judges on real motions. "physics", "oracle", "multimodality", and "nearest_training". With
+        judges on real motions. "physics", "oracle", "multimodality", and "nearest_training". "planted": rows, physics
+        and captions confirmed of the same motions with feet that stand (:meth:`motionary.Motion.plant_feet`). With
         ``protocol.real_lengths`` and a generator that takes lengths also "real_lengths": rows, physics and captions
         confirmed for motions as long as the real ones ("Ours w/ real length" of the thesis's Table 4.2).
     """
@@ -61,6 +62,7 @@ def score_generator(
         "captions_chance": confirmed(items, first.sentences, others(items), first.parts),
         "prompts": _prompts(generator, items, protocol, seed),
     }
+    report["planted"] = _planted(draws, items, real, jury)
     if nearest is not None:
         report["nearest_training"] = {
             "generated": nearest_distance(first.motion[jury.first], nearest),
@@ -115,6 +117,17 @@ def _scores(draws: Sequence[_Draw], items: Items, real: Features, jury: Jury) ->
         "physics": {"generated": plausibility(items, first.generated)},
         "oracle": {"captions": confirmed(items, first.sentences, first.generated, first.parts)},
     }
+
+
+def _planted(draws: Sequence[_Draw], items: Items, real: Features, jury: Jury) -> dict[str, Any]:
+    """Scores of the generations with feet that stand; physics are those of the motions, without the codec's loss."""
+    context, planted, motions = items.corpus.context, [], []
+    for draw in draws:
+        made = tqdm(draw.generated, desc="plant feet", unit="motion")
+        motions.append([as_motion(features, context).plant_feet() for features in made])
+        features = [as_features(motion, context) for motion in motions[-1]]
+        planted.append(replace(draw, generated=features, motion=jury.motions(features)))
+    return _scores(planted, items, real, jury) | {"physics": {"generated": mean_physics(motions[0])}}
 
 
 def _generate(

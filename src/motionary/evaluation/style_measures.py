@@ -9,6 +9,7 @@ import numpy as np
 
 from motionary.corpus.cells import StyleSplit
 from motionary.corpus.context import Context
+from motionary.corpus.encoding import as_features
 from motionary.corpus.store import Corpus
 from motionary.evaluation.style_draws import Draw
 from motionary.metrics.classification import accuracy, macro_accuracy
@@ -42,13 +43,22 @@ class Measures:
 
     def __init__(self, judge: StyleClassifier, corpus: Corpus):
         self.judge, self.corpus = judge, corpus
+        self.context = corpus.context
         self.codec, self.fps = corpus.context.make_codec(), corpus.context.fps
         self._known: Measured | None = None
         self._place: dict[int, int] = {}
 
     def of(self, features: Sequence[np.ndarray]) -> Measured:
         """Of raw features, each (T, D)."""
-        measured = np.array([[*physics(self.codec.decode(f, fps=self.fps)).values()] for f in features])
+        return self._judged([self.codec.decode(f, fps=self.fps) for f in features], features)
+
+    def planted(self, features: Sequence[np.ndarray]) -> Measured:
+        """Of the motions of raw features, each (T, D), with feet that stand."""
+        motions = [self.codec.decode(f, fps=self.fps).plant_feet() for f in features]
+        return self._judged(motions, [as_features(motion, self.context) for motion in motions])
+
+    def _judged(self, motions: Sequence[Motion], features: Sequence[np.ndarray]) -> Measured:
+        measured = np.array([[*physics(motion).values()] for motion in motions])
         if not self.judge.trained:
             return Measured(measured)
         style, style_features = self.judge.style(features)

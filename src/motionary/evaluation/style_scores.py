@@ -59,6 +59,8 @@ WAYS = (
 )
 REAL, COPY, STYLE, CELL = "real motions", "copied content", "copied style motion", "real motion of the target cell"
 COPIED_ROOT = "without global motion prediction"
+PLANTED = "{}, feet planted"
+_PLANTED_REPETITIONS = 3  # of motions with feet that stand, which take longer to make than to stylize
 
 
 def score_stylization(
@@ -108,7 +110,7 @@ class _Scorer:
         rows: dict[str, list[dict[str, float]]] = {}
         for repetition in tqdm(range(self.protocol.repetitions), desc=name, unit="repetition"):
             draw = drawer.draw(repetition, self.protocol.contents, self.seed)
-            for row, values in self._repetition(draw, copied_root).items():
+            for row, values in self._repetition(draw, copied_root, repetition < _PLANTED_REPETITIONS).items():
                 rows.setdefault(row, []).append(values)
         count = min(self.protocol.contents, len(drawer.pool))
         return {
@@ -117,7 +119,7 @@ class _Scorer:
             "rows": {row: _summary(values) for row, values in rows.items()},
         }
 
-    def _repetition(self, draw: Draw, copied_root: bool) -> dict[str, dict[str, float]]:
+    def _repetition(self, draw: Draw, copied_root: bool, planted: bool) -> dict[str, dict[str, float]]:
         corpus, step = self.corpus, self.protocol.pose_step
         features = [corpus.features(i) for i in draw.contents]
         rotations = local_rotations(features, corpus.context, step)
@@ -132,6 +134,9 @@ class _Scorer:
                 if not way.reference:
                     values |= self._diversity(way, draw, features)
                 rows[way.name if predict else f"{way.name} {COPIED_ROOT}"] = values
+                if planted and predict:
+                    found = self.measures.planted(made)
+                    rows[PLANTED.format(way.name)] = scored(found, content, style, draw, self.split, way.targeted)
         return rows
 
     def _fixed(self, draw: Draw, content: Measured, style: Measured) -> dict[str, dict[str, float]]:

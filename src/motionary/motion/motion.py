@@ -95,14 +95,22 @@ class Motion:
         """
         return to(self, rig)
 
-    def plant_feet(self) -> Motion:
+    def plant_feet(self, first_frame: int = 0) -> Motion:
         """The motion with feet that stand still while they stand, as those of generated motion do not.
 
         The body goes along with feet that slide for long, the legs do the rest by inverse kinematics, with fading
         ends; frames in the air keep their pose to a millimetre, and bones have one length. Rotations come out where
         they came in. A rig without known hips, knees and ankles is returned as it is, with one line of warning.
+
+        Args:
+            first_frame: frames before it stay as they are, and what follows goes on from them.
+
+        Raises:
+            InputError: first_frame is not among the frames.
         """
-        return plant(self)
+        if not 0 <= first_frame <= self.frames:
+            raise InputError("first_frame", first_frame, f"must be from 0 to {self.frames}")
+        return plant(self, first_frame)
 
     def __repr__(self) -> str:
         rotations = "" if self.rotations is None else ", rotations"

@@ -30,20 +30,36 @@ _DRIFTS = ((0.5, 0.15), (2.0, 0.03))
 _FAST = (0.5, 0.3, 0.15)  # m/s of a foot that the body goes with, round by round: the less it slides, the surer
 _IDLE = 0.02  # weight of a root that keeps its way, against 1 of a foot that stands
 _SURE, _LOOSE = 1e4, 0.05  # weights of a foot that stands, or flies, and of one that is about to
+_KEPT = 1e8  # weight of a foot that must not move
 _LIFTED = 0.025  # metres at which a foot in the air has the weight 1; it grows with the fourth power of the height
 _FLIGHT = 0.05  # metres: where all joints of both feet are higher, the body flies and keeps its pose
 _BLEND = 0.15  # seconds in which a foot comes to its place or leaves it
 _FEWEST = 3  # frames
 
 
-def plant_feet(motion: Motion) -> Motion:
+def plant_feet(motion: Motion, first_frame: int = 0) -> Motion:
     """See `Motion.plant_feet`."""
+    kept = np.arange(motion.frames) < first_frame
+    if motion.frames - first_frame < _FEWEST:
+        return motion
+    planted = replant_feet(motion, kept, first_frame)
+    if planted is motion or motion.rotations is not None:
+        return planted
+    return replace(motion, positions=np.where(kept[:, None, None], motion.positions, planted.positions))
+
+
+def replant_feet(motion: Motion, kept: np.ndarray, follow_from: int | None = None) -> Motion:
+    """The motion with feet that stand still, but for frames whose feet stay as they are.
+
+    Args:
+        motion: on any rig; one without known legs is returned as it is, with one line of warning.
+        kept: (T,) bool, frames whose feet do not move; a stance that holds one stands where it is then.
+        follow_from: the frame from which the body goes along with feet that slide for long; None: it keeps its way.
+    """
     legs = legs_of(motion.skeleton)
     if legs is None:
         rule = "feet stay as they are; a mapping would tell the rig's hips, knees and ankles"
-        warnings.warn(InputWarning(f"{motion.skeleton.name}: unknown legs: {rule}"), stacklevel=3)
-        return motion
-    if motion.frames < _FEWEST:
+        warnings.warn(InputWarning(f"{motion.skeleton.name}: unknown legs: {rule}"), stacklevel=4)
         return motion
     rigid = fit_rotations(motion)
     points, lengths = rigid.positions.astype(np.float64), rigid.skeleton.bone_lengths
@@ -51,9 +67,10 @@ def plant_feet(motion: Motion) -> Motion:
     if scale <= 0:
         return motion
     feet = [joint for leg in legs for joint in leg.feet]
-    points += root_shift(points[:, feet], motion.fps, scale)[:, None]
+    if follow_from is not None:
+        points[follow_from:] += root_shift(points[follow_from:, feet], motion.fps, scale)[:, None]
     flies = np.all(heights(points[:, feet]) > _FLIGHT * scale, axis=1)
-    moves = [foot_moves(points[:, leg.feet], flies, motion.fps, scale) for leg in legs]
+    moves = [foot_moves(points[:, leg.feet], flies, kept, motion.fps, scale) for leg in legs]
     planted = _posed(rigid, points, legs, moves)
     # What came without rotations goes without: its skeleton's bones need not be as long as the motion's.
     return planted if motion.rotations is not None else replace(motion, positions=planted.positions)
@@ -83,12 +100,13 @@ def _drift(feet: np.ndarray, fps: float, scale: float, seconds: float, least: fl
     return shift
 
 
-def foot_moves(foot: np.ndarray, flies: np.ndarray, fps: float, scale: float = 1.0) -> np.ndarray:
+def foot_moves(foot: np.ndarray, flies: np.ndarray, kept: np.ndarray, fps: float, scale: float = 1.0) -> np.ndarray:
     """(T, N, 3) metres that the joints of one foot (T, N, 3), ankle and toe, have to move for it to stand still.
 
     Args:
         foot: (T, N, 3).
-        flies: (T,) where nothing may move.
+        flies: (T,) where the body is in the air, and nothing moves.
+        kept: (T,) where nothing moves either; a stance that holds such a frame stands where it is then.
         fps: frames per second.
         scale: of the body, 1 for legs of 0.85 m.
     """
@@ -97,10 +115,14 @@ def foot_moves(foot: np.ndarray, flies: np.ndarray, fps: float, scale: float = 1
     for n in range(foot.shape[1]):
         wanted, stands = np.zeros_like(foot[:, n]), sure[:, n] > 0
         for first, last in runs(stands):
-            path, holds = foot[first:last, n], sure[first:last, n] == 1
-            wanted[first:last] = (np.median(path[holds], axis=0) - path) * np.array([1, 0, 1])
+            path, stays = foot[first:last, n], np.flatnonzero(kept[first:last])
+            stand = np.median(path[sure[first:last, n] == 1], axis=0)
+            if len(stays):
+                stand = path[stays[np.abs(np.arange(last - first)[:, None] - stays).argmin(1)]]
+            wanted[first:last] = (stand - path) * np.array([1, 0, 1])
         weights = np.where(stands, _LOOSE * (_SURE / _LOOSE) ** sure[:, n], np.minimum(_LOOSE + high[:, n] ** 4, _SURE))
-        weights[flies] = _SURE
+        weights[flies], weights[kept] = _SURE, _KEPT
+        wanted[flies | kept] = 0
         moves[:, n] = smoothest(wanted, weights, (_BLEND * fps / 2) ** 4)
     return moves
 

@@ -106,6 +106,12 @@ def unitquat_to_rotvec(q: np.ndarray) -> np.ndarray:
     return q[..., :3] * np.where(sine > TINY, angle / np.maximum(sine, TINY), 2.0)
 
 
+def rotvec_to_unitquat(vectors: np.ndarray) -> np.ndarray:
+    """Unit quaternions (..., 4) of rotation vectors (..., 3) in radians."""
+    half = np.linalg.norm(vectors, axis=-1, keepdims=True) / 2
+    return np.concatenate([vectors * np.sinc(half / np.pi) / 2, np.cos(half)], axis=-1)
+
+
 def euler_to_unitquat(axes: Sequence[int], angles: np.ndarray) -> np.ndarray:
     """Quaternions of intrinsic rotations: R = R_axes[0](a0) R_axes[1](a1) ... as BVH applies its channels in order.
 

@@ -29,7 +29,7 @@ def physics_tables(results: Results) -> list[Table]:
     scored = results.having("physics")
     if real := next((found for report in scored.values() if (found := at(report, "physics", "real"))), None):
         rows.append(_row("real motions", real))
-    for name, report in with_variants(scored, "real_lengths").items():
+    for name, report in with_variants(scored, "real_lengths", "planted").items():
         for kind, label in (("reconstructed", "real, through {}"), ("generated", "{}")):
             if found := at(report, "physics", kind):
                 rows.append(_row(label.format(name), found))

@@ -11,7 +11,11 @@ from typing import Any
 from motionary.errors import InputError
 
 # Parts of a report that are reports of the same system used in another way -> the name of their row.
-VARIANTS = {"real_lengths": "{name} with real lengths", "consensus": "{name} by consensus of {draws} draws"}
+VARIANTS = {
+    "real_lengths": "{name} with real lengths",
+    "planted": "{name}, feet planted",
+    "consensus": "{name} by consensus of {draws} draws",
+}
 OWN = ("summary.json", "preferred.json")  # what the report itself writes there
 
 

@@ -53,7 +53,7 @@ def text_to_motion(results: Results, part: str = "all", judge: str | None = None
     for name, report in decoded.items():
         captions = percent(at(report, "reconstruction_oracle", part, "confirmed"))
         rows.append(row(f"real, through {name}", report["reconstruction"][part], *([NONE] * whole), captions))
-    for name, report in with_variants(systems, "real_lengths").items():
+    for name, report in with_variants(systems, "real_lengths", "planted").items():
         captions = percent(at(report, "oracle", "captions", part, "confirmed"))
         more = (
             show(report.get("multimodality") if judge is None else at(report, "multimodality", "by", judge)),

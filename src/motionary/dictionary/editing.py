@@ -1,0 +1,147 @@
+"""Parts of motions made anew: `edit`, `between` and `extend` of a trained pipeline."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from motionary.corpus.context import Context
+from motionary.corpus.encoding import encode
+from motionary.dictionary.control import edited, on_models
+from motionary.dictionary.generating import Generating
+from motionary.errors import InputError
+from motionary.motion import Motion
+from motionary.motion.paths import FASTEST
+from motionary.systems.protocols import MotionToText
+from motionary.systems.registry import MOTION_TO_TEXT, TEXT_TO_MOTION
+
+
+class Editing(Generating):
+    """What a folder's systems make of a part of a motion. Results are on the models' skeleton, at their rate."""
+
+    def edit(
+        self, motion: Motion, text: str, start: float, end: float, seed: int = 0, system: str | None = None,
+        feet: bool = True,
+    ) -> Motion:  # fmt: skip
+        """The motion in which the seconds from start to end are made anew; the rest stays as it is.
+
+        Args:
+            motion: on any rig that can be retargeted, at any rate.
+            text: an English text for the span.
+            start, end: seconds, 0 <= start < end <= its length; at most as long as systems learn.
+            seed, system, feet: as of `generate`; feet outside of the span stay as they are.
+
+        Raises:
+            InputError: an empty span or one out of range, a text that cannot be read, an unknown rig.
+        """
+        context = self._maker(system)
+        body = on_models(motion, context, "motion")
+        first, last = _span(start, end, body, context)
+        if first == 0 and last == body.frames:
+            raise InputError("start, end", f"{start:g} to {end:g} s", "is the whole motion; generate it instead")
+        piece = self._piece(text, last - first, context, seed, system, feet)
+        return edited(body, (first, last), piece, feet)
+
+    def between(
+        self, first: Motion, last: Motion, seconds: float = 1.0, text: str | None = None, seed: int = 0,
+        system: str | None = None, feet: bool = True,
+    ) -> Motion:  # fmt: skip
+        """A motion of so many seconds from one motion's last frame to another's first, both included.
+
+        Args:
+            first, last: poses or motions, where they are; motions also say how fast it begins and ends.
+            seconds: from the one pose to the other.
+            text: what happens between them; None takes the shortest way.
+            seed, system, feet: as of `generate`.
+
+        Raises:
+            InputError: poses farther apart than a person runs in that time, an unknown rig, a value out of range.
+        """
+        context = self._maker(system) if text is not None or self.offering(TEXT_TO_MOTION) else self._any()
+        head, tail = on_models(first, context, "first"), on_models(last, context, "last")
+        frames = _frames(seconds, context, least=2) - 1
+        away = float(((tail.positions[0, 0] - head.positions[-1, 0])[[0, 2]] ** 2).sum() ** 0.5)
+        if away > FASTEST * seconds:
+            rule = f"poses are {away:.1f} m apart; a person runs {FASTEST:g} m/s"
+            raise InputError("seconds", f"{seconds:g}", rule)
+        piece = None if text is None else self._piece(text, frames, context, seed, system, feet)
+        whole = _with_gap(head, tail, frames)
+        made = edited(whole, (head.frames, head.frames + frames), piece, feet)
+        return made.crop(head.frames - 1, head.frames + frames + 1)
+
+    def extend(
+        self, motion: Motion, seconds: float = 2.0, text: str | None = None, seed: int = 0, system: str | None = None,
+        feet: bool = True,
+    ) -> Motion:  # fmt: skip
+        """The motion and, after its last frame, so many seconds more.
+
+        Args:
+            motion: on any rig that can be retargeted, at any rate.
+            seconds: of what is added.
+            text: what happens then; None goes on with what it shows, as its caption says.
+            seed, system, feet: as of `generate`.
+
+        Raises:
+            InputError: a value out of range, an unknown rig, no text where nothing writes captions.
+        """
+        context = self._maker(system)
+        body = on_models(motion, context, "motion")
+        frames = _frames(seconds, context)
+        piece = self._piece(self._told(body) if text is None else text, frames, context, seed, system, feet)
+        whole = Motion(_held(body, frames), body.fps, body.skeleton)
+        return edited(whole, (body.frames, whole.frames), piece, feet)
+
+    def _piece(self, text: str, frames: int, context: Context, seed: int, system: str | None, feet: bool) -> Motion:
+        """A motion of a text of about so many frames, in whole units."""
+        unit = context.unit
+        seconds = min(max(math.ceil(frames / unit), 1) * unit, context.max_frames) / context.fps
+        (made,) = self.generate(text, 1, seconds, system, seed, feet)
+        return made.crop(0, min(frames, made.frames))
+
+    def _told(self, motion: Motion) -> str:
+        """What a motion shows, by the usual captioner."""
+        if not self.offering(MOTION_TO_TEXT):
+            raise InputError("text", "none", "must be given: none of these models writes captions")
+        captioner: MotionToText = self._open(MOTION_TO_TEXT)
+        with self._lock:
+            return captioner.caption([encode(motion, captioner.context)])[0][0]
+
+    def _maker(self, system: str | None) -> Context:
+        return self._open(TEXT_TO_MOTION, system).context
+
+    def _any(self) -> Context:
+        return self.context(self.systems[0])
+
+
+def _frames(seconds: Any, context: Context, least: int = 1) -> int:
+    """Frames of a number of seconds; InputError names the range."""
+    longest = context.max_frames / context.fps
+    number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
+    if not number or not least / context.fps - 1e-9 <= seconds <= longest + 1e-9:
+        raise InputError("seconds", seconds, f"must be a number from {least / context.fps:g} to {longest:g}")
+    return round(seconds * context.fps)
+
+
+def _span(start: Any, end: Any, motion: Motion, context: Context) -> tuple[int, int]:
+    """First and last frame of a span in seconds."""
+    numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in (start, end))
+    longest = context.max_frames / context.fps
+    if not numbers or not 0 <= start < end <= motion.duration + 1e-6:
+        raise InputError("start, end", f"{start} to {end}", f"must be 0 <= start < end <= {motion.duration:g} s")
+    first, last = round(start * motion.fps), min(round(end * motion.fps), motion.frames)
+    if last <= first:
+        raise InputError("start, end", f"{start:g} to {end:g} s", f"holds no frame at {motion.fps:g} per second")
+    if last - first > context.max_frames:
+        raise InputError("start, end", f"{end - start:g} s", f"at most {longest:g} s can be made at once")
+    return first, last
+
+
+def _with_gap(head: Motion, tail: Motion, frames: int) -> Motion:
+    gap = np.repeat(head.positions[-1:], frames, axis=0)
+    return Motion(np.concatenate([head.positions, gap, tail.positions]), head.fps, head.skeleton)
+
+
+def _held(motion: Motion, frames: int) -> np.ndarray:
+    return np.concatenate([motion.positions, np.repeat(motion.positions[-1:], frames, axis=0)])
