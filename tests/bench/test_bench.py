@@ -24,6 +24,7 @@ def test_every_figure_of_the_issue_has_a_case():
         "features": 0.006, "tokenizer": 14.7, "motion2text": 6.0, "captions": 3.0, "text2token": 7.0,
         "inverse_alignment": 12.0, "texts": 15.0, "metrics": 0.15, "evaluator": 1.8, "text2length": 0.3,
         "text2motion": 7.5, "prompts": 1.5, "temos": 6.0, "temos_texts": 0.5,
+        "masked_plan": 0.5, "masked_text": 0.15, "masked_texts": 2.5,
         "stylization": 5.0, "stylize": 0.02, "stylize32": 0.4,
         "action2motion": 1.5, "actions": 0.15,
         "mp4": 5.0, "glb": 0.3, "shell": 25.0, "page": 5.0, "first_frame": 2.0,

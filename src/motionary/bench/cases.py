@@ -16,6 +16,7 @@ import torch
 
 from motionary.bench.actions import action2motion, actions
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
+from motionary.bench.masked_work import MASKED_CASES
 from motionary.bench.measure import convolution_flops, cpu_time, least_time, matmul_rate
 from motionary.bench.shapes import Shapes
 from motionary.bench.style import stylization, stylize
@@ -233,6 +234,7 @@ CASES: tuple[Case, ...] = (
     Case("prompts", "32 texts by the temporal VAE, 196 frames", prompts, 2.4, 1.5),
     Case("temos", "TEMOS step, 32 x 100 frames, the language model apart", temos, 8.2, 6.0),
     Case("temos_texts", "32 texts by TEMOS, 100 frames, the language model included", temos_texts, None, 0.5),
+    *MASKED_CASES,
     Case("stylization", "stylization step, 32 triples x 160 frames", stylization, 8.3, 5.0),
     Case("stylize", "160 frames in another style", stylize(1), 0.043, 0.02),
     Case("stylize32", "32 x 160 frames in another style", stylize(), 0.64, 0.4),

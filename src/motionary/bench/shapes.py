@@ -35,6 +35,8 @@ class Shapes:
         small_width, small_gru_width, small_text_width: of the tokenizer and text2token at `scale=small`.
         temos_frames, temos_tokens: of TEMOS's batch of `sequences` items, at its own 12.5 fps, and a caption's tokens.
         temos_width, temos_layers, temos_inner, temos_heads: of its three Transformers.
+        masked_codes, masked_dim, masked_quantizers: of the residual tokenizer; `masked_tokens` of a motion of 5 s.
+        masked_width, masked_layers, masked_inner, masked_heads: of each transformer of the masked generator.
         matmul: rows of the matrices whose product measures the machine.
     """
 
@@ -83,6 +85,14 @@ class Shapes:
     temos_layers: int = 6
     temos_inner: int = 1024
     temos_heads: int = 4
+    masked_codes: int = 512
+    masked_dim: int = 128
+    masked_quantizers: int = 4
+    masked_tokens: int = 25
+    masked_width: int = 192
+    masked_layers: int = 4
+    masked_inner: int = 768
+    masked_heads: int = 6
     matmul: int = 1536
 
 
@@ -93,4 +103,6 @@ SMALL = Shapes(
     motion_width=8, embedding=12, sequences=4, snippets=6, latent=4, prompts=5, items=64, seconds=0.5, matmul=64,
     style_window=32, acted_frames=6, style_width=16, small_width=16, small_gru_width=16, small_text_width=8,
     temos_frames=9, temos_tokens=5, temos_width=8, temos_layers=1, temos_inner=8, temos_heads=2,
+    masked_codes=16, masked_dim=8, masked_quantizers=2, masked_tokens=4, masked_width=8, masked_layers=1,
+    masked_inner=8, masked_heads=2,
 )  # fmt: skip
