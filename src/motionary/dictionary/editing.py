@@ -11,11 +11,13 @@ from motionary.corpus.context import Context
 from motionary.corpus.encoding import encode
 from motionary.dictionary.control import edited, on_models
 from motionary.dictionary.generating import Generating
-from motionary.errors import InputError
+from motionary.dictionary.infilling import infilled
+from motionary.errors import InputError, check_whole
 from motionary.motion import Motion
 from motionary.motion.paths import FASTEST
+from motionary.systems.control_protocols import MotionInfiller
 from motionary.systems.protocols import MotionToText
-from motionary.systems.registry import MOTION_TO_TEXT, TEXT_TO_MOTION
+from motionary.systems.registry import INFILL, MOTION_TO_TEXT, TEXT_TO_MOTION
 
 
 class Editing(Generating):
@@ -31,7 +33,8 @@ class Editing(Generating):
             motion: on any rig that can be retargeted, at any rate.
             text: an English text for the span.
             start, end: seconds, 0 <= start < end <= its length; at most as long as systems learn.
-            seed, system, feet: as of `generate`; feet outside of the span stay as they are.
+            seed, system, feet: as of `generate`; feet outside of the span stay as they are. A system that sees what
+                stands around the span comes first, where there is one.
 
         Raises:
             InputError: an empty span or one out of range, a text that cannot be read, an unknown rig.
@@ -41,7 +44,7 @@ class Editing(Generating):
         first, last = _span(start, end, body, context)
         if first == 0 and last == body.frames:
             raise InputError("start, end", f"{start:g} to {end:g} s", "is the whole motion; generate it instead")
-        piece = self._piece(text, last - first, context, seed, system, feet)
+        piece = self._piece(body, (first, last), text, seed, system, feet)
         return edited(body, (first, last), piece, feet)
 
     def between(
@@ -53,22 +56,24 @@ class Editing(Generating):
         Args:
             first, last: poses or motions, where they are; motions also say how fast it begins and ends.
             seconds: from the one pose to the other.
-            text: what happens between them; None takes the shortest way.
+            text: what happens between them; None leaves it to a system that sees both, else takes the shortest way.
             seed, system, feet: as of `generate`.
 
         Raises:
             InputError: poses farther apart than a person runs in that time, an unknown rig, a value out of range.
         """
-        context = self._maker(system) if text is not None or self.offering(TEXT_TO_MOTION) else self._any()
+        able = text is not None or self.offering(TEXT_TO_MOTION) or self.offering(INFILL)
+        context = self._maker(system) if able else self.context(self.systems[0])
         head, tail = on_models(first, context, "first"), on_models(last, context, "last")
         frames = _frames(seconds, context, least=2) - 1
         away = float(((tail.positions[0, 0] - head.positions[-1, 0])[[0, 2]] ** 2).sum() ** 0.5)
         if away > FASTEST * seconds:
             rule = f"poses are {away:.1f} m apart; a person runs {FASTEST:g} m/s"
             raise InputError("seconds", f"{seconds:g}", rule)
-        piece = None if text is None else self._piece(text, frames, context, seed, system, feet)
-        whole = _with_gap(head, tail, frames)
-        made = edited(whole, (head.frames, head.frames + frames), piece, feet)
+        whole, span = _with_gap(head, tail, frames), (head.frames, head.frames + frames)
+        shortest = text is None and self._infiller(system) is None
+        piece = None if shortest else self._piece(whole, span, text, seed, system, feet)
+        made = edited(whole, span, piece, feet)
         return made.crop(head.frames - 1, head.frames + frames + 1)
 
     def extend(
@@ -80,7 +85,7 @@ class Editing(Generating):
         Args:
             motion: on any rig that can be retargeted, at any rate.
             seconds: of what is added.
-            text: what happens then; None goes on with what it shows, as its caption says.
+            text: what happens then; None leaves it to a system that sees the motion, else goes on as its caption says.
             seed, system, feet: as of `generate`.
 
         Raises:
@@ -89,16 +94,32 @@ class Editing(Generating):
         context = self._maker(system)
         body = on_models(motion, context, "motion")
         frames = _frames(seconds, context)
-        piece = self._piece(self._told(body) if text is None else text, frames, context, seed, system, feet)
         whole = Motion(_held(body, frames), body.fps, body.skeleton)
+        piece = self._piece(whole, (body.frames, whole.frames), text, seed, system, feet)
         return edited(whole, (body.frames, whole.frames), piece, feet)
 
-    def _piece(self, text: str, frames: int, context: Context, seed: int, system: str | None, feet: bool) -> Motion:
-        """A motion of a text of about so many frames, in whole units."""
+    def _piece(
+        self, whole: Motion, span: tuple[int, int], text: str | None, seed: int, system: str | None, feet: bool
+    ) -> Motion:
+        """What comes into a span of a motion: by a system that sees what is around it, else by the text alone."""
+        context, frames = self._maker(system), span[1] - span[0]
+        if (infiller := self._infiller(system)) is not None:
+            check_whole("seed", seed, 0)
+            sentence = None if text is None else self._sentences(text)[0]
+            with self._lock:
+                return infilled(infiller, whole, span, sentence, seed)
         unit = context.unit
         seconds = min(max(math.ceil(frames / unit), 1) * unit, context.max_frames) / context.fps
-        (made,) = self.generate(text, 1, seconds, system, seed, feet)
+        (made,) = self.generate(
+            self._told(whole.crop(0, span[0])) if text is None else text, 1, seconds, system, seed, feet
+        )
         return made.crop(0, min(frames, made.frames))
+
+    def _infiller(self, system: str | None) -> MotionInfiller | None:
+        """The system that is asked, or the usual one, where it sees what is around a span."""
+        names = self.offering(INFILL)
+        name = system if system in names else None if system is not None else next(iter(names), None)
+        return None if name is None else self._open(INFILL, name)
 
     def _told(self, motion: Motion) -> str:
         """What a motion shows, by the usual captioner."""
@@ -109,10 +130,8 @@ class Editing(Generating):
             return captioner.caption([encode(motion, captioner.context)])[0][0]
 
     def _maker(self, system: str | None) -> Context:
-        return self._open(TEXT_TO_MOTION, system).context
-
-    def _any(self) -> Context:
-        return self.context(self.systems[0])
+        infiller = self._infiller(system)
+        return self._open(TEXT_TO_MOTION, system).context if infiller is None else infiller.context
 
 
 def _frames(seconds: Any, context: Context, least: int = 1) -> int:
