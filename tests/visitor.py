@@ -29,12 +29,14 @@ class Visitor:
 
     Attributes:
         controls: the id of each control, by its label; of several with one label the newest.
+        forms: the ids of the groups of controls in which Enter asks.
         notes, texts, files: what the page has shown as notes and as text, and the names of files it was sent.
     """
 
     def __init__(self, url: str):
         self._socket = connect(url.replace("http", "ws", 1), **options())
         self.controls: dict[str, str] = {}
+        self.forms: list[str] = []
         self.notes: list[str] = []
         self.texts: list[str] = []
         self.files: list[str] = []
@@ -60,6 +62,15 @@ class Visitor:
         """Sets a control, or presses a button."""
         self.until(lambda: label in self.controls, f"the control {label}")
         self.send(messages.GuiUpdateMessage(self.controls[label], {"value": value}))
+
+    def enter(self, form: int = 0) -> None:
+        """Presses Enter in a group of controls."""
+        self.until(lambda: len(self.forms) > form, f"form {form}")
+        self.send(messages.GuiFormSubmitMessage(self.forms[form]))
+
+    def says(self, *parts: str) -> None:
+        """Waits for a text that holds all of these."""
+        self.until(lambda: any(all(part in text for part in parts) for text in self.texts), " ... ".join(parts))
 
     def begin_upload(self, label: str, name: str, size: int, parts: int = 1) -> str:
         """Announces a file for a button; returns the upload's id."""
@@ -92,5 +103,7 @@ class Visitor:
                 self.files.append(message["filename"])
             elif "_markdown" in props:
                 self.texts.append(props["_markdown"])
+            elif kind == "GuiFormMessage":
+                self.forms.append(message["uuid"])
             elif kind.startswith("Gui") and props.get("label"):
                 self.controls[props["label"]] = message["uuid"]

@@ -10,7 +10,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from motionary.errors import InputError
-from motionary.systems.registry import served_by
+from motionary.systems.serving import served_by
 
 MODELS = 3  # as many as dvc.yaml names
 

@@ -25,7 +25,7 @@ def test_a_visitor_asks_for_an_action(pipeline, tmp_path):  # noqa: F811
         visitor.ask("Action", "sit")
         visitor.ask("Seconds each", 1.0)
         visitor.ask("Act")
-        visitor.until(lambda: any("sit, then walk (2.0 s)" in text for text in visitor.texts), "the motion")
+        visitor.until(lambda: any("sit, then walk** (2.0 s)" in text for text in visitor.texts), "the motion")
         visitor.ask("Action", "fly")
         visitor.ask("Act")
         visitor.until(lambda: any("must be one of sit, walk" in said for said in visitor.notes + visitor.texts), "why")

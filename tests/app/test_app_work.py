@@ -9,17 +9,18 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from motionary import read_motion
 from motionary.app import limits, server, work
-from motionary.app.figures import make_figure
-from motionary.app.player import _places
+from motionary.app.figures import Limbs
+from motionary.app.mannequins import Mannequins
 from motionary.corpus.demo import demo_clip
 from motionary.errors import InputError
 from motionary.formats.write.array_writer import write_npz
+from motionary.motion import Motion
 
 
 @pytest.fixture(scope="module")
@@ -80,11 +81,22 @@ def test_bad_uploads_are_one_line_that_names_them(walk, tmp_path, monkeypatch):
 
 def test_files_are_those_that_save_writes(walk, tmp_path):
     short = walk.crop(0, 6)
-    assert work.file_bytes(short, ".bvh", "") == saved(short, tmp_path / "x.bvh")
+    for extension in (".bvh", ".glb", ".npy", ".html"):
+        assert work.file_bytes(short, extension, "") == saved(short, tmp_path / f"x{extension}"), extension
+    (tmp_path / "y.npz").write_bytes(work.file_bytes(short, ".npz", "a walk"))
+    assert (read_motion(tmp_path / "y.npz").positions == short.positions).all()
     assert work.file_bytes(short, ".mp4", "a walk")[4:8] == b"ftyp"
-    for extension in (".npz", "./../x.bvh", ".html"):
-        with pytest.raises(InputError, match=r"must be one of \.bvh, \.glb, \.mp4"):
+    assert work.file_bytes(short, ".gif", "a walk")[:4] == b"GIF8"
+    assert b"a &lt;walk&gt;" in work.file_bytes(short, ".html", "a <walk>")
+    for extension in (".exe", "./../x.bvh", ""):
+        with pytest.raises(InputError, match=r"must be one of \.bvh, \.glb, \.npz"):
             work.file_bytes(short, extension, "")
+
+
+def test_every_file_that_motions_are_written_to_is_offered():
+    from motionary.formats import WRITERS
+
+    assert set(work.WRITABLE) == set(WRITERS)
 
 
 def test_a_video_shows_no_more_than_it_may(walk, monkeypatch):
@@ -145,11 +157,12 @@ class Scene:
     def add_mesh_skinned(self, name, vertices, faces, **given):
         assert given["skin_weights"].shape == (len(vertices), len(given["bone_positions"]))
         np.testing.assert_allclose(given["skin_weights"].sum(1), 1, atol=1e-4)
+        given["skin_indices"] = np.zeros((len(vertices), 4), np.uint16)
         return self.Node(vertices=vertices, faces=faces, **given)
 
 
 def test_limbs_reach_from_joint_to_joint(walk):
-    figure = make_figure(Scene(), "x", walk, np.array([1.0, 0, 0]), "skeleton")
+    figure = Limbs(Scene(), "x", walk, np.array([1.0, 0, 0]))
     figure.pose(7)
     wxyz, middles = figure.tubes.batched_wxyzs, figure.tubes.batched_positions
     length = figure.tubes.batched_scales[:, 1]
@@ -162,19 +175,39 @@ def test_limbs_reach_from_joint_to_joint(walk):
     assert all(np.linalg.norm(figure.balls.batched_positions - j, axis=-1).min() < 0.2 for j in joints)
 
 
+def test_one_mannequin_serves_all_motions_on_like_rigs_one_after_another(walk):
+    scene = Scene()
+    mannequins = Mannequins(scene, "x")
+    first = mannequins.take(walk, np.zeros(3))
+    second = mannequins.take(walk, np.ones(3))
+    assert first.mesh is not second.mesh
+    first.remove()
+    assert not first.mesh.removed  # the page would die
+    assert not first.mesh.visible
+    again = mannequins.take(walk.crop(3, 9), np.zeros(3))
+    assert again.mesh is first.mesh
+    assert again.mesh.visible
+    again.remove()
+    larger = mannequins.take(Motion(walk.positions * 1.3, walk.fps, walk.skeleton), np.zeros(3))
+    assert larger.mesh is not first.mesh
+
+
+def test_hidden_mannequins_of_many_rigs_take_no_room(walk):
+    mannequins, made = Mannequins(Scene(), "x"), []
+    for size in np.linspace(0.5, 1.6, 12):
+        made.append(mannequins.take(Motion(walk.positions * size, walk.fps, walk.skeleton), np.zeros(3)))
+        made[-1].remove()
+    full = [figure for figure in made if len(figure.mesh.vertices) > 1]
+    assert len(full) == 6
+    assert all(len(figure.mesh.skin_weights) == len(figure.mesh.vertices) for figure in made)
+
+
 def test_a_mannequin_s_bones_follow_the_joints(walk):
-    figure = make_figure(Scene(), "x", walk, np.zeros(3), "mannequin")
+    figure = Mannequins(Scene(), "x").take(walk, np.zeros(3))
     figure.pose(5)
     bones = np.stack([bone.position for bone in figure.mesh.bones])
     far = [np.linalg.norm(walk.positions[5] - bone, axis=-1).min() for bone in bones]
     assert max(far) < 0.01
-
-
-def test_motions_stand_side_by_side_on_the_floor(walk):
-    places = _places([walk, walk, walk])
-    spans = [walk.positions[..., 0] + place[0] for place in places]
-    assert all(a.max() < b.min() for a, b in pairwise(spans))
-    assert all((walk.positions[..., 1] + place[1]).min() == pytest.approx(0, abs=1e-6) for place in places)
 
 
 def test_what_npz_holds_is_what_comes_back(walk, tmp_path):

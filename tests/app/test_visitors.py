@@ -94,11 +94,11 @@ def test_a_result_is_only_written_as_files_that_the_page_offers(visit, tmp_path)
     visitor.ask("Generate")
     visitor.until(lambda: "Download" in visitor.controls, "a result")
     visitor.until(lambda: any(text.startswith("Read as") for text in visitor.texts), "the end of it")
-    for value in (f"/../../../..{target}", f"bvh/../../../..{target}", "npz", "html"):
+    for value in (f"/../../../..{target}", f"bvh/../../../..{target}", "exe", ""):
         visitor.notes.clear()
         visitor.ask("Download", value)
         visitor.until(lambda: visitor.notes, "a refusal")
-        assert "must be one of .bvh, .glb, .mp4" in visitor.notes[0]
+        assert "must be one of .bvh, .glb, .npz" in visitor.notes[0]
     assert not target.exists()
     visitor.ask("Download", "bvh")
     visitor.until(lambda: visitor.files, "a file that it does offer")
@@ -225,7 +225,7 @@ def test_another_visitor_s_video_of_a_minute_is_announced_and_delays_nobody(visi
 
     alone = median(read(f"alone{k}.bvh") for k in range(3))
     heavy.upload(MOTION, "long.bvh", saved(lasting(90), tmp_path / "long.bvh"))
-    heavy.until(lambda: any("mp4: the first 60 s" in text for text in heavy.texts), "what a video will show")
+    heavy.until(lambda: any("films: the first 60 s" in text for text in heavy.texts), "what a video will show")
     heavy.until(lambda: any("Captions" in text for text in heavy.texts), "the end of reading")
     heavy.ask("Download", "mp4")
     heavy.until(lambda: any("Making a video of 60.0 s" in text for text in heavy.texts), "the video's beginning")

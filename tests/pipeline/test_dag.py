@@ -4,7 +4,8 @@ import yaml
 
 from motionary.pipeline.code import FOLDER, Code
 from motionary.study.experiments import paths_of, with_values
-from motionary.systems.registry import filled, find, judges, served_by
+from motionary.systems.registry import find, judges
+from motionary.systems.serving import filled, served_by
 
 # Stages without a model of their own.
 PLAIN = {"source", "preprocess", "evaluation", "style_evaluation", "action_evaluation", "report"}

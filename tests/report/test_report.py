@@ -14,8 +14,9 @@ from motionary.evaluation.scores import Protocol, judged_parts
 from motionary.motion import Motion, Skeleton
 from motionary.report import caption_tables, summary, tables
 from motionary.report.document import render
+from motionary.report.headline import headline, systems_html
 from motionary.report.physics_tables import physics_tables
-from motionary.report.players import Example, players_html
+from motionary.report.players import Example, motions_html
 from motionary.report.results import Results
 from motionary.report.table import Table, show
 from motionary.report.verdicts import preferred, verdicts_table
@@ -304,19 +305,60 @@ def test_cells():
     assert "| x | 1\\|2 |" in table.markdown()
 
 
-def test_examples_become_players():
+def standing() -> Motion:
     skeleton = Skeleton.named("smpl22")
     rest = np.zeros((22, 3), np.float32)
     for joint, parent in enumerate(skeleton.parents[1:], 1):
         rest[joint] = rest[parent] + skeleton.offsets[joint]
-    motion = Motion(np.repeat(rest[None], 8, 0), 20.0, skeleton)
-    html = players_html([Example("a & b", "demo", [motion, motion], ["real", "alpha"], {"beta": "it <walks>"})])
+    return Motion(np.repeat(rest[None], 8, 0), 20.0, skeleton)
+
+
+def test_examples_become_players():
+    motion = standing()
+    example = Example("a & b", "demo", [motion, motion], ["real", "alpha"], {"beta": "it <walks>"})
+    html = motions_html([example] * 3, [("before", motion), ("<old>", motion), ("proud", motion)])
     page = Page(html)
     assert page.open == []
-    assert html.count("<canvas") == 2
-    assert "a &amp; b" in html
+    assert html.count("<canvas") == 3 * 2 + 3
+    assert html.index("&lt;old&gt;") < html.index("<details>") < html.rindex("a &amp; b")  # the first, styles, the rest
+    assert "2 more" in html
     assert "it &lt;walks&gt;" in html
-    assert players_html([]) == ""
+    assert html.count('"autoplay": true') == 4
+    assert motions_html([]) == ""
+
+
+def test_the_page_begins_with_motions_and_one_narrow_table_and_folds_the_rest(reports):
+    example = Example("it walks", "demo", [standing()], ["real"], {})
+    facts = {"corpus": "<demo>", "scale": "tiny", "commit": "abc", "date": "1 May 2026"}
+    html = render(Results.read(reports), None, [example], facts=facts)
+    assert "<b>corpus</b> &lt;demo&gt; · <b>scale</b> tiny · <b>commit</b> abc · <b>date</b> 1 May 2026" in html
+    assert html.index("<canvas") < html.index("<table") < html.index("<details class='section'>")
+    before = html[: html.index("<details class='section'>")]
+    assert before.count("<table") == 1
+    after = html[html.index("<details class='section'>") :]
+    assert after.count("<table") == after.count("<div class='scroll'>") > 5
+    assert Page(html).open == []
+
+
+def test_the_main_table_has_every_maker_and_at_most_eight_columns(reports):
+    results = Results.read(reports)
+    table = headline(results)
+    assert [row[0] for row in table.rows] == ["real motions and captions", "alpha", "beta", "gamma"]
+    assert len(table.columns) == 8
+    real, alpha, _, gamma = (dict(zip(table.columns, row, strict=True)) for row in table.rows)
+    assert alpha["motion fits text, R@3"] == f"{judged(0.5)['all']['r3']['mean']:.3f}"
+    assert (alpha["does what is asked"], alpha["feet slide, m/s"], alpha["BLEU-4"]) == ("60.0%", "0.070", "-")
+    assert (gamma["BLEU-4"], gamma["CIDEr"], gamma["FID"]) == ("0.600", "3.000", "-")
+    assert (real["feet slide, m/s"], real["BLEU-4"]) == ("0.030", "-")
+    assert len(headline(Results({"gamma": captioner_report()})).columns) == 4
+    assert headline(Results()) is None
+
+
+def test_known_systems_are_told_in_a_sentence():
+    html = systems_html(Results({"temos": {}, "somebody's own": {}}))
+    assert "<dt>temos</dt>" in html
+    assert "TEMOS" in html
+    assert "somebody" not in html
 
 
 def test_physics_stand_beside_real_motions_in_units_that_can_be_read(reports):

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from tiny import add_stylizers
 
 from motionary.corpus.store import Corpus
 from motionary.evaluation.scores import Protocol
 from motionary.evaluation.system import score_system
 from motionary.report.build import build_report
 from motionary.report.players import make_examples
+from motionary.report.style_players import make_styled
 from motionary.systems.registry import known
 
 SYSTEMS = ("inverse_alignment", "motion2text", "retrieval", "tokenizer")
@@ -64,14 +67,17 @@ def project(pipeline, repository, tmp_path_factory):
 def check_page(page: str) -> None:
     for system in SYSTEMS:
         assert f"<td>{system}</td>" in page or f"real, through {system}" in page
+    assert page.index("<canvas") < page.index("<table")
+    assert "<b>corpus</b> demo, 24 clips" in page
     assert page.count("<canvas") == 2 * 3  # real, inverse_alignment and retrieval
     assert "http://" not in page
     assert "https://" not in page
 
 
 def test_evaluated_systems_become_a_page_with_players(project):
-    page, numbers = build_report(project, examples=2)
+    page, numbers = build_report(project, examples=2, facts={"scale": "tiny"})
     check_page(page)
+    assert "<b>scale</b> tiny" in page
     assert set(numbers) == ROWS
     assert numbers[CONSENSUS].keys() == numbers["motion2text"].keys()
     for metric in ("r1", "r3", "fid", "mm_dist", "diversity", "multimodality", "foot_skating"):
@@ -83,6 +89,22 @@ def test_a_generator_that_is_a_codec_too_keeps_the_physics_of_both(project):
     report = score_system("text2motion", project / "models", corpus, PROTOCOL, device="cpu")
     assert report["physics"].keys() == {"generated", "reconstructed", "real"}
     assert report["physics"]["generated"] != report["physics"]["reconstructed"]
+
+
+def test_a_motion_is_shown_in_other_styles(pipeline, tmp_path):
+    corpus = Corpus.open(pipeline / "data/corpus")
+    assert make_styled(corpus, pipeline / "models") == []
+    shutil.copytree(pipeline / "models", tmp_path / "models")
+    add_stylizers(pipeline, tmp_path / "models")
+    named = make_styled(corpus, tmp_path / "models")
+    assert 3 <= len(named) <= 5
+    assert {name for name, _ in named[1:]} <= set(corpus.clips.style)
+    assert len({motion.frames for _, motion in named[1:]}) == 1
+    assert np.abs(named[1][1].positions - named[2][1].positions).max() > 0
+    shutil.rmtree(tmp_path / "models/stylization/supervised")
+    assert [name for name, _ in make_styled(corpus, tmp_path / "models")[1:]] == [
+        f"by chance, {k}" for k in range(1, 5)
+    ]
 
 
 def test_it_works_when_parts_are_missing(project, tmp_path):
@@ -102,6 +124,9 @@ def test_the_stage_writes_where_it_may(project):
     line = [sys.executable, "stages/report.py", "hydra.run.dir=out", "report.examples=2"]
     done = subprocess.run(line, cwd=project, capture_output=True, text=True, env=environment, timeout=600)
     assert done.returncode == 0, done.stderr
-    check_page((project / "out/reports/index.html").read_text())
+    page = (project / "out/reports/index.html").read_text()
+    check_page(page)
+    assert "<b>scale</b> tiny" in page
+    assert re.search(r"<b>date</b> \d\d \w+ \d{4}", page)
     assert set(json.loads((project / "out/reports/summary.json").read_text())) == ROWS
     assert not (project / "reports/index.html").exists()

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 from motionary.app import limits
 from motionary.app.limits import among, within
-from motionary.app.turns import Turns
-from motionary.dictionary.dictionary import Dictionary
+from motionary.app.player import Item
+from motionary.app.visit import Visit
+from motionary.app.wording import plain, titles
 
 _THEN = "nothing else"
 
 
-def build_act_tab(
-    gui: Any,
-    dictionary: Dictionary,
-    turns: Turns,
-    submit: Callable[[Callable[[], Any]], Any],
-    show: Callable[..., None],
-) -> None:
+def build_act_tab(visit: Visit) -> None:
     """An action, what follows it, and of how large a body; the known actions are listed once the models are open."""
+    gui, turns, dictionary = visit.gui, visit.turns, visit.dictionary
     first = gui.add_dropdown("Action", (_THEN,))
     then = gui.add_dropdown("Then", (_THEN,))
+    after = gui.add_checkbox("Go on from what is shown", False)
+    menu = visit.menu("Go on from")
     count = gui.add_slider("Motions", min=1, max=limits.MOST_VARIANTS, step=1, initial_value=1)
     seconds = gui.add_slider("Seconds each", min=0.4, max=limits.MOST_GENERATED, step=0.2, initial_value=3.0)
     scale = gui.add_slider("Body", min=0.5, max=2.0, step=0.05, initial_value=1.0)
-    seed = gui.add_number("Action seed", 0, min=0, max=limits.LARGEST_SEED, step=1)
+    seed = visit.seed("Action seed")
     feet = gui.add_checkbox("Acted feet stand", True, hint=limits.FEET)
     button = gui.add_button("Act")
 
@@ -44,12 +39,12 @@ def build_act_tab(
             actions.append(among("then", then.value, known))
         n = int(within("motions", count.value, 1, limits.MOST_VARIANTS))
         length = within("seconds", seconds.value, 0.4, limits.MOST_GENERATED)
-        start = int(within("seed", seed.value, 0, limits.LARGEST_SEED))
-        size = within("body", scale.value, 0.5, 2.0)
-        motions = turns.on_models(lambda: dictionary.act(actions, n, length, start, size, feet=bool(feet.value)))
-        title = ", then ".join(actions)
-        titles = [title if n == 1 else f"{k + 1}. {title}" for k in range(n)]
-        show(motions, titles, [title] * n, f"{n} motions")
+        size, begin = within("body", scale.value, 0.5, 2.0), visit.seeded(seed)
+        start = visit.chosen(menu).motion if after.value else None
+        motions = turns.on_models(lambda: dictionary.act(actions, n, length, begin, size, start, bool(feet.value)))
+        text = ", then ".join(actions)
+        items = [Item(motion, title, text) for motion, title in zip(motions, titles([text] * n), strict=True)]
+        visit.show(items, f"Acted: {plain(text)}")
 
-    submit(lambda: turns.guarded(names))
+    turns.submit(names)
     button.on_click(lambda _: turns.start("Acting", work))

@@ -1,4 +1,4 @@
-"""A motion as nodes of a visitor's scene: limbs of a skeleton, or a skinned mannequin."""
+"""A motion as nodes of a visitor's scene: the limbs of its skeleton."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from motionary.formats.render.figure import COLORS, segments
-from motionary.formats.render.mesh import mannequin, rest_positions
-from motionary.formats.tracks import Track, to_locals
 from motionary.motion import Motion
 from motionary.motion.rotations import rotmat_to_unitquat, vectors_to_rotmat
 
-LOOKS = ("skeleton", "mannequin")
+LOOKS = ("mannequin", "skeleton")  # the usual one first
 _SIDES = 10
 
 
@@ -28,16 +26,7 @@ class Figure(Protocol):
         ...
 
 
-def make_figure(scene: Any, name: str, motion: Motion, shift: np.ndarray, look: str) -> Figure:
-    """A figure of the motion, moved by `shift` (3,) metres; a rig that no mannequin fits is shown as its skeleton."""
-    if look == "mannequin":
-        local = to_locals(motion)
-        if mannequin(local.skeleton) is not None:
-            return _Mannequin(scene, name, local, shift)
-    return _Limbs(scene, name, motion, shift)
-
-
-class _Limbs:
+class Limbs:
     """Cylinders and balls: all limbs of a motion are two nodes, so that a frame is three small messages."""
 
     def __init__(self, scene: Any, name: str, motion: Motion, shift: np.ndarray):
@@ -72,41 +61,6 @@ class _Limbs:
         """Takes it out of the scene."""
         self.tubes.remove()
         self.balls.remove()
-
-
-class _Mannequin:
-    """The wooden figure of the glb files, its bones set frame by frame."""
-
-    def __init__(self, scene: Any, name: str, local: Any, shift: np.ndarray):
-        body = mannequin(local.skeleton)
-        assert body is not None
-        bones = np.unique(body.joints[body.weights > 0])
-        place = np.zeros(len(local.skeleton.joints), int)
-        place[bones] = np.arange(len(bones))
-        weights = np.zeros((len(body.vertices), len(bones)), np.float32)
-        rows = np.arange(len(weights))
-        for k in range(body.joints.shape[1]):
-            weights[rows, place[body.joints[:, k]]] += body.weights[:, k]
-        track = Track(local.skeleton.joints, local.skeleton.parents, local.rotations, local.translations)
-        positions, rotations = track.place()
-        self.positions = (positions + shift)[:, bones]
-        self.rotations = np.roll(rotations[:, bones], 1, axis=-1)
-        self.mesh = scene.add_mesh_skinned(
-            f"{name}/mannequin", body.vertices, body.faces,
-            bone_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (len(bones), 1)),
-            bone_positions=rest_positions(local.skeleton)[bones], skin_weights=weights,
-            color=tuple(int(c) for c in body.colors[0]),
-        )  # fmt: skip
-        self.pose(0)
-
-    def pose(self, frame: int) -> None:
-        """Moves to a frame."""
-        for bone, position, rotation in zip(self.mesh.bones, self.positions[frame], self.rotations[frame], strict=True):
-            bone.position, bone.wxyz = position, rotation
-
-    def remove(self) -> None:
-        """Takes it out of the scene."""
-        self.mesh.remove()
 
 
 def _tube() -> tuple[np.ndarray, np.ndarray]:

@@ -16,6 +16,7 @@ MOST_PLACES = 1_500_000  # frames x joints of an uploaded motion: two seconds of
 MOST_VIDEO = 60.0  # seconds of a motion that a video shows
 MOST_VARIANTS = 6
 MOST_GENERATED = 9.8  # seconds
+MOST_DRAWS = 40  # captions that are drawn for a consensus
 FEET = "off: as the models made them"
 MOST_STRENGTH = 1.5  # of a style
 LARGEST_SEED = 2**31 - 1

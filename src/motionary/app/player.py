@@ -11,43 +11,98 @@ from typing import Any
 
 import numpy as np
 
-from motionary.app.figures import Figure, make_figure
+from motionary.app.figures import LOOKS, Figure, Limbs
 from motionary.app.limits import SPEEDS
+from motionary.app.mannequins import Mannequins
+from motionary.app.staging import places, smoothed, viewpoint, way_of
 from motionary.motion import Motion
 
 _TICK = 1 / 30
-_GAP = 0.5  # metres between neighbours
 _TOLD = 0.25  # seconds between two reports of the time, which move the scrubber
+_WORLD = "/shown"  # the node of all that moves past a visitor: figures and floor
+_ABOVE = 0.2  # metres from a head to its title
+_SAMPLED = 12  # poses of a motion that the view is fitted to
 
 
 @dataclass(frozen=True)
 class Item:
-    """A motion and what stands above it."""
+    """A motion that was asked for.
+
+    Attributes:
+        motion: to be shown.
+        title: short, above the figure.
+        text: what it is, in full; "" where the title says it.
+        note: what else there is to say of it.
+    """
 
     motion: Motion
     title: str
+    text: str = ""
+    note: str = ""
+
+    @property
+    def said(self) -> str:
+        """What it is, in full."""
+        return self.text or self.title
+
+
+@dataclass
+class _Shown:
+    """An item in the scene, moved there by `shift` (3,).
+
+    Attributes:
+        way: (T, 3) its root's way over the floor, which the view follows.
+        tops: (T,) heights of its head.
+        label: its title.
+    """
+
+    motion: Motion
+    shift: np.ndarray
+    figure: Figure
+    way: np.ndarray
+    tops: np.ndarray
+    label: Any
+    frame: int = -1
+
+    def frame_at(self, seconds: float) -> int:
+        """The frame at a time; the last one stays."""
+        return min(round(seconds * self.motion.fps), self.motion.frames - 1)
+
+    def joints(self, frame: int) -> np.ndarray:
+        """(J, 3) in the scene."""
+        return self.motion.positions[frame] + self.shift
+
+    def pose(self, frame: int) -> None:
+        """Moves to a frame."""
+        if frame != self.frame:
+            self.figure.pose(frame)
+            self.label.position = self.way[frame] + [0, self.tops[frame] + _ABOVE, 0]
+            self.frame = frame
 
 
 class Player:
     """Plays items in a scene. Its clock runs in a thread that ends with :meth:`close`.
 
     What a visitor does to the clock or the camera returns at once and is shown at the next tick: to build figures of
-    long motions takes seconds, and the threads that bring the visitors' clicks are shared by all.
+    long motions takes seconds, and the threads that bring the visitors' clicks are shared by all. The view follows by
+    moving the world, not the camera, which stays the visitor's.
 
     Attributes:
         items: what is shown.
         seconds, speed, playing: the clock.
-        look: "skeleton" or "mannequin".
+        look: one of `LOOKS`.
+        follow: whether the middle of the figures stays where it is, and the floor moves.
     """
 
     def __init__(self, client: Any, told: Callable[[float], None]):
         """`told` is called with the seconds while the clock runs."""
         self.items: tuple[Item, ...] = ()
-        self.seconds, self.speed, self.playing, self.look = 0.0, 1.0, True, "skeleton"
+        self.seconds, self.speed, self.playing, self.look, self.follow = 0.0, 1.0, True, LOOKS[0], True
         self._client, self._told = client, told
-        self._figures: list[tuple[Figure, Motion]] = []
-        self._labels: list[Any] = []
-        self._shown: list[int] = []
+        self._world = client.scene.add_frame(_WORLD, show_axes=False)
+        client.scene.add_grid(f"{_WORLD}/floor", width=30, height=30, plane="xz", cell_size=0.5, section_size=2.0)
+        self._mannequins = Mannequins(client.scene, _WORLD)
+        self._shown: list[_Shown] = []
         self._round, self._recentre = 0, False
         self._lock, self._closed = threading.RLock(), threading.Event()
         self._time = threading.Lock()  # of the clock's values; only ever held for a moment
@@ -67,7 +122,7 @@ class Player:
             self._look_at_all()
 
     def set_look(self, look: str) -> None:
-        """Shows the same as skeletons or mannequins."""
+        """Shows the same in another look."""
         with self._lock:
             self.look = look
             self._build()
@@ -82,60 +137,71 @@ class Player:
         with self._time:
             self.speed = min(max(speed, SPEEDS[0]), SPEEDS[1]) if math.isfinite(speed) else 1.0
 
-    def look_at_all(self) -> None:
-        """Puts the camera where it sees every motion from its beginning."""
-        self._recentre = True
+    def set_follow(self, follow: bool) -> None:
+        """Holds the middle of the figures, or the floor, where it is."""
+        self.follow, self._recentre = follow, True
 
-    def _look_at_all(self) -> None:
-        with self._lock:
-            places = _places([item.motion for item in self.items])
-            points = [m.positions[:, 0] + shift for m, shift in zip(self._motions(), places, strict=True)]
-            low, high = (f(np.concatenate(points), axis=0) if points else np.zeros(3) for f in (np.min, np.max))
-            middle = (low + high) / 2 * [1, 0, 1] + [0, 0.9, 0]
-            away = max(3.2, 1.0 * (high[0] - low[0]) + 2.4, 0.9 * (high[2] - low[2]) + 2.4)
-            camera = self._client.camera
-            with self._client.atomic():
-                camera.up_direction = (0.0, 1.0, 0.0)
-                camera.position = middle + np.array([0.35, 0.28, 1.0]) * away + [0, 0, (high[2] - low[2]) / 2]
-                camera.look_at = middle
+    def look_at_all(self) -> None:
+        """Puts the camera where it sees every motion, from beginning to end."""
+        self._recentre = True
 
     def close(self) -> None:
         """Ends the clock's thread."""
         self._closed.set()
 
-    def _motions(self) -> list[Motion]:
-        return [item.motion for item in self.items]
+    def _look_at_all(self) -> None:
+        if not self._shown:
+            return
+        camera = self._client.camera
+        position, target = viewpoint(self._points(), camera.fov, camera.image_width, camera.image_height)
+        with self._client.atomic():
+            camera.up_direction = (0.0, 1.0, 0.0)
+            camera.position, camera.look_at = position, target
+
+    def _points(self) -> np.ndarray:
+        """(N, 3) where joints and titles come to be before the camera."""
+        found = []
+        for seconds in np.linspace(0, self.duration, _SAMPLED):
+            middle = self._middle(seconds) if self.follow else self._middle(0.0)
+            for shown in self._shown:
+                frame = shown.frame_at(seconds)
+                top = shown.way[frame] + [0, shown.tops[frame] + 2 * _ABOVE, 0]
+                found.append(np.concatenate([shown.joints(frame), top[None]]) - middle)
+        return np.concatenate(found)
+
+    def _middle(self, seconds: float) -> np.ndarray:
+        """(3,) of all figures on the floor, without their sway."""
+        return np.mean([shown.way[shown.frame_at(seconds)] for shown in self._shown], axis=0)
 
     def _build(self) -> None:
-        scene = self._client.scene
         self._round += 1  # names are new: a message to a node that is gone cannot reach its successor
         with self._client.atomic():
-            for figure, _ in self._figures:
-                figure.remove()
-            for label in self._labels:
-                label.remove()
-            self._figures, self._labels, self._shown = [], [], []
-            for i, (item, shift) in enumerate(zip(self.items, _places(self._motions()), strict=True)):
-                name = f"/shown{self._round}/{i}"
-                figure = make_figure(scene, name, item.motion, shift, self.look)
-                self._figures.append((figure, item.motion))
-                top = item.motion.positions[0, :, 1].max() + shift[1] + 0.3
-                where = item.motion.positions[0, 0] + shift
-                self._labels.append(
-                    scene.add_label(
-                        f"{name}/title", item.title, position=(where[0], top, where[2]), anchor="bottom-center"
-                    )
-                )
-            self._shown = [-1] * len(self._figures)
+            for shown in self._shown:
+                shown.figure.remove()
+                shown.label.remove()
+            self._shown = []
+            shifts = places([item.motion for item in self.items])
+            self._shown = [self._stage(i, self.items[i], shift) for i, shift in enumerate(shifts)]
             self._pose()
+
+    def _stage(self, index: int, item: Item, shift: np.ndarray) -> _Shown:
+        name = f"{_WORLD}/{self._round}/{index}"
+        way = way_of(item.motion, shift)
+        tops = smoothed(item.motion.positions[..., 1].max(1, keepdims=True) + shift[1], item.motion.fps)[:, 0]
+        label = self._client.scene.add_label(f"{name}/title", item.title, anchor="bottom-center")
+        return _Shown(item.motion, shift, self._figure(name, item.motion, shift), way, tops, label)
+
+    def _figure(self, name: str, motion: Motion, shift: np.ndarray) -> Figure:
+        """A motion in the look that is chosen; a rig that no mannequin fits is shown as its skeleton."""
+        dressed = self._mannequins.take(motion, shift) if self.look == "mannequin" else None
+        return dressed or Limbs(self._client.scene, name, motion, shift)
 
     def _pose(self) -> None:
         with self._client.atomic():
-            for i, (figure, motion) in enumerate(self._figures):
-                frame = min(round(self.seconds * motion.fps), motion.frames - 1)
-                if frame != self._shown[i]:
-                    figure.pose(frame)
-                    self._shown[i] = frame
+            for shown in self._shown:
+                shown.pose(shown.frame_at(self.seconds))
+            if self._shown:
+                self._world.position = -self._middle(self.seconds if self.follow else 0.0)
 
     def _run(self) -> None:
         last = told = time.monotonic()
@@ -155,18 +221,7 @@ class Player:
     def _advance(self, seconds: float) -> bool:
         """Lets the clock run; whether it does."""
         with self._time:
-            if not (self.playing and self._figures and self.duration > 0):
+            if not (self.playing and self._shown and self.duration > 0):
                 return False
             self.seconds = (self.seconds + seconds * self.speed) % self.duration
             return True
-
-
-def _places(motions: Sequence[Motion]) -> list[np.ndarray]:
-    """How far to move each motion (3,) so that all stand on the floor, side by side from left to right."""
-    widths, places, left = [], [], 0.0
-    for motion in motions:
-        low, high = (f(motion.positions, axis=(0, 1)) for f in (np.min, np.max))
-        places.append(np.array([left - low[0], -low[1], -motion.positions[0, 0, 2]], np.float64))
-        widths.append(float(high[0] - low[0]))
-        left += widths[-1] + _GAP
-    return [place - [(left - _GAP) / 2, 0, 0] for place in places]

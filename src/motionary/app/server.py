@@ -8,11 +8,14 @@ import socket
 import sys
 import threading
 from collections.abc import Sequence
+from concurrent.futures import CancelledError
+from contextlib import suppress
 from pathlib import Path
 
 import viser
 
 from motionary.app.door import is_loopback, watched
+from motionary.app.opening import Opening
 from motionary.app.panel import Panel
 from motionary.app.uploads import limit_uploads
 from motionary.app.work import Workers
@@ -57,11 +60,12 @@ class App:
         shown = "localhost" if host in ("0.0.0.0", "127.0.0.1") else f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{self.server.get_port()}"
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        self.server.gui.main_panel.dock_right()  # beside the motions, not above them
         self.server.scene.set_up_direction("+y")
-        self.server.scene.add_grid("/floor", width=30, height=30, plane="xz", cell_size=0.5, section_size=2.0)
         # The page draws labels only if it has one when it opens: this one, of a space, under the floor.
-        self.server.scene.add_label("/floor/label", " ", position=(0.0, -1.0, 0.0))
+        self.server.scene.add_label("/label", " ", position=(0.0, -1.0, 0.0))
         self.generators = self.dictionary.offering(TEXT_TO_MOTION)
+        self.opening = Opening(self.dictionary, self.generators)
         self.server.on_client_connect(self._welcome)
         self.server.on_client_disconnect(self._leave)
         threading.Thread(target=self._warm, daemon=True, name="warm").start()
@@ -75,7 +79,7 @@ class App:
 
     def _welcome(self, client: viser.ClientHandle) -> None:
         limit_uploads(client)
-        panel = Panel(client, self.dictionary, self.workers, self.generators)
+        panel = Panel(client, self.dictionary, self.workers, self.generators, self.opening)
         self._panels[client.client_id] = panel
         # Who leaves at once may be gone before the panel is there, and then nothing else closes it.
         if client.client_id not in self.server.get_clients():
@@ -86,12 +90,9 @@ class App:
             panel.close()
 
     def _warm(self) -> None:
-        """Opens behind the page what the first visitor will ask for, so that it answers at once."""
-        try:
-            for system in self.generators[:1]:
-                self.dictionary.generate("a person walks", system=system, seconds=1)
-        except Exception as error:  # it is said again, to whoever asks
-            print(f"warning: {error}", file=sys.stderr)
+        """Opens behind the page what the first visitor will see, so that it is there at once."""
+        with suppress(CancelledError, RuntimeError):  # closed before its turn
+            self.workers.on_models(lambda: True, self.opening.items)
 
 
 def serve(models: str | None, device: str, host: str, port: int, origins: Sequence[str] = ()) -> None:

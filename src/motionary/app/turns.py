@@ -15,15 +15,20 @@ _GRACE = 2.0  # seconds: who has just got a file may ask for the next before the
 
 
 class Turns:
-    """Runs what a visitor asks for, one job at a time, in the shared workers; ends it when the visitor leaves."""
+    """Runs what a visitor asks for, one job at a time, in the shared workers; ends it when the visitor leaves.
+
+    Attributes:
+        asked: whether the visitor has asked for anything yet.
+    """
 
     def __init__(self, client: Any, workers: Workers):
         self._client, self._workers = client, workers
-        self._busy, self._closed = threading.Lock(), False
+        self._busy, self._closed, self.asked = threading.Lock(), False, False
         self._sign = client.gui.add_markdown(READY)
 
     def start(self, sign: str, job: Callable[[], None]) -> None:
         """Runs a job unless this visitor has one running; the page answers meanwhile."""
+        self.asked = True
         if not self._busy.acquire(timeout=_GRACE):
             self.complain("One thing at a time", "What you asked before is still being done.")
             return
@@ -42,6 +47,10 @@ class Turns:
             self.say(READY)
             self._busy.release()
             self.complain("Too many visitors", "Please try again in a minute.")
+
+    def submit(self, job: Callable[[], None]) -> None:
+        """Runs a job beside the visitor's turns, or not at all where too many wait already."""
+        self._workers.submit(lambda: self.guarded(job))
 
     def guarded(self, job: Callable[[], None]) -> None:
         """A visitor's mistake becomes one line on the page; anything else is logged, and told without details."""

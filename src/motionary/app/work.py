@@ -22,7 +22,9 @@ from motionary.errors import InputError
 from motionary.motion import Motion
 
 READABLE = (".bvh", ".npz")
-WRITABLE = (".bvh", ".glb", ".mp4")
+WRITABLE = (".bvh", ".glb", ".npz", ".npy", ".mp4", ".gif", ".html")
+FILMS = (".mp4", ".gif")  # drawn frame by frame
+CAPTIONED = (*FILMS, ".html")
 _MOST_WAITING = 64  # jobs of all visitors
 
 
@@ -66,7 +68,7 @@ def _unpacked(content: bytes) -> int:
 
 
 def file_bytes(motion: Motion, extension: str, caption: str) -> bytes:
-    """A motion as the contents of a file; a video shows its first minute, and `caption`.
+    """A motion as the contents of a file; films show its first minute, and a page that plays it too; and `caption`.
 
     Raises:
         InputError: an extension that is not in `WRITABLE`.
@@ -74,10 +76,10 @@ def file_bytes(motion: Motion, extension: str, caption: str) -> bytes:
     from motionary.formats import write_motion
 
     among("file", extension, WRITABLE)
-    if extension == ".mp4":
+    if extension in CAPTIONED:
         motion = motion.crop(0, min(motion.frames, round(MOST_VIDEO * motion.fps)))
     with tempfile.TemporaryDirectory() as folder:
-        titled: dict[str, Any] = {"captions": caption} if extension == ".mp4" and caption else {}
+        titled: dict[str, Any] = {"captions": caption} if extension in CAPTIONED and caption else {}
         return write_motion(motion, Path(folder) / f"motion{extension}", **titled).read_bytes()
 
 

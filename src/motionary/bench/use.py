@@ -61,7 +61,7 @@ def page(shapes: Shapes) -> Work:
 def first_frame(shapes: Shapes) -> Work:
     """A prompt, with the models of `scale=small` open, until its figure stands in a visitor's scene and moves."""
     from motionary import load
-    from motionary.app.figures import make_figure
+    from motionary.app.figures import Limbs
 
     folder = tempfile.TemporaryDirectory()
     models = Path(folder.name) / "models"
@@ -73,7 +73,7 @@ def first_frame(shapes: Shapes) -> Work:
     def run() -> None:
         """A motion and its figure."""
         (motion,) = dictionary.generate(prompts[1], system="text2token", seconds=shapes.tokens * 0.2)
-        figure = make_figure(_Scene(), folder.name, motion, np.zeros(3), "skeleton")
+        figure = Limbs(_Scene(), folder.name, motion, np.zeros(3))
         figure.pose(1)
 
     return Work(run)

@@ -12,7 +12,8 @@ from typing import Any, TypeVar
 from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.systems.protocols import TextMotionJudge
-from motionary.systems.registry import EMBED, TELLS, find, known, offering, served_by
+from motionary.systems.registry import EMBED, TELLS, find, known, offering
+from motionary.systems.serving import served_by
 
 T = TypeVar("T")
 BEST = "preferred.json"  # what the report found best

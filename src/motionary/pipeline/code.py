@@ -20,7 +20,8 @@ import yaml
 
 from motionary.pipeline.imports import imported
 from motionary.pipeline.workspace import content_hash
-from motionary.systems.registry import System, filled, known, served_by
+from motionary.systems.registry import System, known
+from motionary.systems.serving import filled, served_by
 
 FOLDER = ".code"
 # Bookkeeping that cannot change what a stage computes. Of the registry a stage's own systems count: see `_systems`.
@@ -42,6 +43,7 @@ INFRASTRUCTURE = frozenset(
         "pipeline/workspace",
         "systems/__init__",
         "systems/registry",
+        "systems/serving",
         "training/__init__",
     )
 )

@@ -23,10 +23,10 @@ def write_curves(history: History, path: Path) -> None:
 
 
 def draw_curves(history: History, title: str):
-    """A matplotlib figure: one panel per logged value, training and validation together."""
+    """A matplotlib figure: one panel per logged value that changes, training and validation together."""
     from matplotlib.figure import Figure
 
-    names = sorted({n for row in (*history.train, *history.validation) for n in row} - {"step", "learning_rate"})
+    names = [name for name in _logged(history) if _changes(history, name)]
     columns = min(4, max(1, len(names)))
     lines = -(-len(names) // columns) or 1
     figure = Figure(figsize=(3.4 * columns, 2.5 * lines))
@@ -43,3 +43,12 @@ def draw_curves(history: History, title: str):
             axis.legend(fontsize=7)
     figure.tight_layout()
     return figure
+
+
+def _logged(history: History) -> list[str]:
+    return sorted({n for row in (*history.train, *history.validation) for n in row} - {"step", "learning_rate"})
+
+
+def _changes(history: History, name: str) -> bool:
+    """Whether training or validation logged two different values."""
+    return any(len({row[name] for row in rows if name in row}) > 1 for rows in (history.train, history.validation))

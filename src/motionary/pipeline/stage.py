@@ -20,8 +20,8 @@ from motionary.pipeline.journal import JOURNALS
 from motionary.pipeline.leftovers import Alone, remove_unfinished, remove_unfinished_checkpoints
 from motionary.pipeline.tracking import Tracker, numbers
 from motionary.pipeline.workspace import Workspace, content_hash, values_hash
-from motionary.systems.registry import served_by
 from motionary.systems.renamed import refuse_old_names
+from motionary.systems.serving import served_by
 from motionary.training.settings import DATA_KEYS, SEED_KEY, TrainSettings, model_keys, settings_of
 
 T = TypeVar("T")

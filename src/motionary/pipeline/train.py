@@ -13,7 +13,8 @@ from motionary.nn.layers import load_word_vectors, seeded
 from motionary.pipeline.learning_curves import draw_curves, write_curves
 from motionary.pipeline.stage import Stage
 from motionary.systems.io import CONFIG_FILE, Trained, build_model
-from motionary.systems.registry import filled, find
+from motionary.systems.registry import find
+from motionary.systems.serving import filled
 from motionary.training.devices import make_fabric, set_threads
 from motionary.training.loop import History, fit
 from motionary.training.settings import TrainSettings
@@ -109,7 +110,8 @@ def train_each(
     for name, history in histories.items():
         curves = _prefixed(name, "curves")
         write_curves(history, stage.figure_path(f"{curves}.csv"))
-        stage.figure(curves, draw_curves(history, name or stage.name))
+        if (drawn := draw_curves(history, name or stage.name)).axes:
+            stage.figure(curves, drawn)
     return histories
 
 

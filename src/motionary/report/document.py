@@ -10,12 +10,14 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from motionary.motion import Motion
 from motionary.report import caption_tables, tables
 from motionary.report.action_tables import action_tables
 from motionary.report.copy_tables import copies
 from motionary.report.corpus_table import corpus_tables
+from motionary.report.headline import headline, systems_html
 from motionary.report.physics_tables import physics_tables
-from motionary.report.players import Example, players_html
+from motionary.report.players import Example, motions_html
 from motionary.report.position_tables import position_tables
 from motionary.report.results import Results
 from motionary.report.style_tables import classifiers_table, stylization_tables
@@ -23,10 +25,8 @@ from motionary.report.table import NONE, Table
 from motionary.report.verdicts import verdicts_table
 
 LEAD = (
-    "motionary is a two-way dictionary between human motion and language: it turns a sentence into 3D motion, and a "
-    "motion into a sentence. This page shows what its systems learned from one corpus of captioned motion, judged on "
-    "test clips that no system saw in training. Each number stands beside that of real motions or captions, so that "
-    "you can tell how far there is to go."
+    "Sentences turned into motion, motion into sentences, and one style into another, by systems that learned from one "
+    "corpus and are judged on test clips that none of them saw."
 )
 TERMS = {
     "R@k": "share of motions whose own caption is among the k nearest of a pool of captions; higher is better.",
@@ -68,18 +68,23 @@ def render(
     corpus: Mapping[str, Any] | None = None,
     examples: Sequence[Example] = (),
     problems: Sequence[str] = (),
+    styled: Sequence[tuple[str, Motion]] = (),
+    facts: Mapping[str, str] | None = None,
 ) -> str:
-    """The page.
+    """The page: motions that play, one table, and folded below them all the rest.
 
     Args:
         results: of every stage.
         corpus: the preprocess stage's report.
         examples: captions with real and generated motions.
         problems: one line on each system that is not shown.
+        styled: a motion and the same in other styles, each with a name.
+        facts: what the run was, by name: corpus, scale, commit, date.
     """
-    sections = [
-        ("Results", _results(results)),
-        ("Examples", players_html(examples) + "".join(f"<p class='note'>Not shown: {escape(p)}</p>" for p in problems)),
+    motions = motions_html(examples, styled) + "".join(f"<p class='note'>Not shown: {escape(p)}</p>" for p in problems)
+    first = [("Motions", motions), ("Results", _main(results))]
+    folded = [
+        ("All results", _results(results)),
         ("Captions", _captions(results)),
         ("Parts of the test split", _tables(tables.parts_tables(results))),
         ("Physics", _tables(physics_tables(results))),
@@ -92,16 +97,32 @@ def render(
         ("Corpus", "".join(map(_corpus_table, corpus_tables(corpus))) if corpus else ""),
         ("How to read the numbers", _terms()),
     ]
-    shown = [(title, body) for title, body in sections if body]
+    shown = [(title, text) for title, text in (*first, *folded) if text]
     links = "".join(f"<a href='#{_anchor(title)}'>{escape(title)}</a>" for title, _ in shown)
-    body = "\n".join(f"<h2 id='{_anchor(title)}'>{escape(title)}</h2>\n{text}" for title, text in shown)
+    body = "\n".join(_section(title, text, (title, text) in folded) for title, text in shown)
     template = Template(files("motionary.report").joinpath("page.html").read_text(encoding="utf-8"))
     evaluators = escape(", ".join(results.evaluators) or "none yet")
-    return template.substitute(lead=escape(LEAD), links=links, body=body, evaluators=evaluators)
+    told = " · ".join(f"<b>{escape(key)}</b> {escape(value)}" for key, value in (facts or {}).items())
+    return template.substitute(lead=escape(LEAD), facts=told, links=links, body=body, evaluators=evaluators)
+
+
+def _section(title: str, text: str, folded: bool) -> str:
+    heading = f"<h2 id='{_anchor(title)}'>{escape(title)}</h2>"
+    if not folded:
+        return f"{heading}\n{text}"
+    return f"<details class='section'><summary>{heading}</summary>\n{text}</details>"
+
+
+def _main(results: Results) -> str:
+    """The one table, and what each system is."""
+    table = headline(results)
+    if table is None:
+        return "<p>No system has been evaluated yet: run <code>dvc repro</code>.</p>"
+    return table.html() + systems_html(results)
 
 
 def _results(results: Results) -> str:
-    body = _tables(
+    return _tables(
         [
             tables.text_to_motion(results),
             *tables.by_other_judges(results),
@@ -115,9 +136,6 @@ def _results(results: Results) -> str:
             copies(results),
         ]
     )
-    if body:
-        return body
-    return "<p>No system has been evaluated yet: run <code>dvc repro</code>.</p>"
 
 
 def _tables(found: Sequence[Table | None]) -> str:

@@ -121,17 +121,24 @@ def _repeats(key: int, seen: set[int]) -> bool:
     return known
 
 
-def players_html(examples: Sequence[Example]) -> str:
-    """The examples as players of real beside generated motions; nothing is fetched."""
-    return player_assets() + "\n".join(map(_player, examples)) if examples else ""
+def motions_html(examples: Sequence[Example], styled: Sequence[tuple[str, Motion]] = ()) -> str:
+    """Players of the first caption and of the styles, and folded those of the other captions; nothing is fetched."""
+    if not examples and not styled:
+        return ""
+    shown = "".join(map(_player, examples[:1]))
+    if styled:
+        shown += f"<section class='example'><h3>One motion in other styles</h3>{player_fragment(styled)}</section>"
+    others = "\n".join(map(_player, examples[1:]))
+    folded = f"<details><summary>{len(examples) - 1} more</summary>{others}</details>" if others else ""
+    return player_assets() + shown + folded
 
 
 def _player(example: Example) -> str:
-    player = player_fragment(list(zip(example.labels, example.motions, strict=True)), autoplay=False)
+    player = player_fragment(list(zip(example.labels, example.motions, strict=True)))
     said = "".join(f"<li><b>{escape(n)}</b> says: {escape(text) or NONE}</li>" for n, text in example.captions.items())
     return (
-        f"<section class='example'><h3>“{escape(example.caption)}”</h3><p class='note'>{escape(example.part)}</p>"
+        f"<section class='example'><h3>“{escape(example.caption)}”</h3>"
         + player
         + (f"<ul>{said}</ul>" if said else "")
-        + "</section>"
+        + f"<p class='note'>from {escape(example.part)}</p></section>"
     )

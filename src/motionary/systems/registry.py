@@ -7,7 +7,7 @@ by an entry point of the group ``motionary.systems`` that names a :class:`System
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -61,6 +61,7 @@ class System:
         offers: name of the function in the family's ``system.py`` that opens each thing it offers, by that thing.
         build: name of the function there that makes a fresh model: (settings, context, :class:`io.Trained`).
         package: full name of the family's package; empty for the families of this project.
+        about: what it does, in one sentence for whoever uses it.
     """
 
     name: str
@@ -72,6 +73,7 @@ class System:
     offers: Mapping[str, str] = field(default_factory=dict)
     build: str = ""
     package: str = ""
+    about: str = field(default="", repr=False)  # no part of what stages hash
 
     @property
     def module(self) -> str:
@@ -93,32 +95,39 @@ SYSTEMS: tuple[System, ...] = (
     System(
         "tokenizer", "tm2t", "tokenizer.Tokenizer", "tokenizer.TokenizerConfig",
         offers={CODEC: "open_codec"}, build="build_tokenizer",
+        about="Turns motion into discrete tokens and back (TM2T).",
     ),
     System(
         "motion2text", "tm2t", "motion2text.Motion2Text", "motion2text.Motion2TextConfig", ("tokenizer",),
         ("tokenizer",), {MOTION_TO_TEXT: "open_captioner"}, "build_motion2text",
+        about="Translates motion tokens into a sentence, word by word (TM2T).",
     ),
     System(
         "text2token", "tm2t", "text2token.Text2Token", "text2token.Text2TokenConfig", ("tokenizer",),
         ("tokenizer",), {TEXT_TO_MOTION: "open_token_generator"}, "build_text2token",
+        about="Translates a sentence into motion tokens, one after another (TM2T's baseline).",
     ),
     System(
         "inverse_alignment", "tm2t", "inverse_alignment.InverseAlignment", "inverse_alignment.InverseAlignmentConfig",
         ("text2token", "motion2text", "tokenizer"),
         ("tokenizer",), {TEXT_TO_MOTION: "open_token_generator"}, "build_inverse_alignment",
+        about="Translates a sentence into motion tokens that a captioner can read back (TM2T).",
     ),
     # T2M, thesis chapter 4
     System(
         "autoencoder", "t2m", "autoencoder.Autoencoder", "autoencoder.AutoencoderConfig",
         offers={CODEC: "open_codec"}, build="build_autoencoder",
+        about="Turns motion into snippet codes and back (T2M).",
     ),
     System(
         "text2length", "t2m", "text2length.Text2Length", "text2length.Text2LengthConfig",
         offers={TEXT_TO_LENGTH: "open_lengths"}, build="build_text2length",
+        about="Tells how long a motion lasts that a sentence describes (T2M).",
     ),
     System(
         "text2motion", "t2m", "text2motion.Text2Motion", "text2motion.Text2MotionConfig", ("autoencoder",),
         ("text2length",), {CODEC: "open_codec", TEXT_TO_MOTION: "open_motion_generator"}, "build_text2motion",
+        about="Draws motion snippet by snippet, of a length that it tells from the sentence (T2M).",
     ),
     System(
         "temos", "temos", "temos.Temos", "temos.TemosConfig", (), ("text2length",),
@@ -126,52 +135,66 @@ SYSTEMS: tuple[System, ...] = (
             TEXT_TO_MOTION: "open_generator", BLEND: "open_generator", EMBED: "open_joint_space",
             SEARCH: "open_joint_search",
         }, "build_temos",
+        about="Draws a whole motion at once, from a space that it shares with sentences (TEMOS).",
     ),
     # Residual tokens and masked generation, after MoMask
     System(
         "residual_tokenizer", "masked", "residual_tokenizer.ResidualTokenizer",
         "residual_tokenizer.ResidualTokenizerConfig", offers={CODEC: "open_codec"}, build="build_residual_tokenizer",
+        about="Turns motion into layers of tokens and back, each layer what the last one missed (MoMask).",
     ),
     System(
         "masked_generator", "masked", "masked_generator.MaskedGenerator", "masked_generator.MaskedGeneratorConfig",
         ("residual_tokenizer",), ("residual_tokenizer", "text2length"),
         {TEXT_TO_MOTION: "open_motion_filler", INFILL: "open_motion_filler"}, "build_masked_generator",
+        about="Fills in motion tokens in any order, so that parts of a motion can be made anew (MoMask).",
     ),
     # Latent stylization, thesis chapter 5
-    System("latents", "stylization", "latents.Latents", "latents.LatentsConfig", build="build_latents"),
+    System(
+        "latents", "stylization", "latents.Latents", "latents.LatentsConfig", build="build_latents",
+        about="Turns motion into a code a frame, in which styles are changed.",
+    ),
     System(
         "global_motion", "stylization", "global_motion.GlobalMotion", "global_motion.GlobalMotionConfig",
         build="build_global_motion",
+        about="Tells from a pose's movement how the body travels.",
     ),
     System(
         "stylization", "stylization", "stylizer.Stylizer", "stylizer.StylizationConfig", ("latents",),
         ("global_motion",), {STYLIZE: "open_stylizer"}, "build_stylizer",
+        about="Gives a motion another style and keeps what it does (latent stylization).",
     ),
     # action2motion, thesis chapter 3
     System(
         "action2motion", "action2motion", "conditioned_vae.Action2Motion", "conditioned_vae.Action2MotionConfig",
         offers={ACT: "open_actor"}, build="build_action2motion",
+        about="Draws motion of an action's name, frame by frame (action2motion).",
     ),
     # What scores the others
     System(
         "evaluator", "judges", "evaluator.Evaluator", "evaluator.EvaluatorConfig", ("autoencoder",),
         offers={EMBED: "open_judge"}, build="build_evaluator",
+        about="Judges whether a motion fits a sentence.",
     ),
     System(
         "joint_evaluator", "judges", "joint_evaluator.JointEvaluator", "joint_evaluator.JointEvaluatorConfig",
         offers={EMBED: "open_judge"}, build="build_joint_evaluator",
+        about="Judges whether a motion fits a sentence, from joints alone: the second opinion.",
     ),
     System(
         "style_evaluator", "judges", "style_evaluator.StyleEvaluator", "style_evaluator.StyleEvaluatorConfig",
         offers={JUDGE_STYLE: "open_style_judge"}, build="build_style_evaluator",
+        about="Tells the style and the action of a motion.",
     ),
     System(
         "action_evaluator", "judges", "action_evaluator.ActionEvaluator", "action_evaluator.ActionEvaluatorConfig",
         offers={JUDGE_ACTION: "open_action_judge"}, build="build_action_evaluator",
+        about="Tells the action of a motion.",
     ),
     System(
         "retrieval", "judges", needs=("evaluator",), serves_with=("evaluator",),
         offers={TEXT_TO_MOTION: "open_retrieval", MOTION_TO_TEXT: "open_retrieval", SEARCH: "open_retrieval"},
+        about="Copies the nearest motion or caption of the training data: the baseline that makes nothing.",
     ),
 )  # fmt: skip
 
@@ -215,37 +238,3 @@ def judges() -> tuple[str, ...]:
     """Names of the systems that judge the others: those that embed and make no motions, which they would judge in
     their own space."""
     return tuple(name for name in offering(EMBED) if TEXT_TO_MOTION not in find(name).offers)
-
-
-def filled(name: str, sections: Callable[[str], Mapping[str, Any]] = lambda _: {}) -> dict[str, str]:
-    """The system in each role that a system needs or asks for when it answers.
-
-    Args:
-        name: of the system.
-        sections: the configuration of a system, by its name. The key that is called like a role says which system fills
-            it; where the system's own has none, one that fills an earlier role may say it, as text2token's tokenizer
-            is inverse alignment's; else it is the system of the role's name.
-    """
-    names: dict[str, str] = {}
-    for role in dict.fromkeys((*find(name).needs, *find(name).serves_with)):
-        told = (sections(other).get(role) for other in (name, *names.values()))
-        names[role] = next(filter(None, told), role)
-    return names
-
-
-def served_by(names: Sequence[str], sections: Callable[[str], Mapping[str, Any]] = lambda _: {}) -> tuple[str, ...]:
-    """These systems and every one that they ask for when they answer, each after those that it asks for; `sections` as
-    for `filled`."""
-    order: list[str] = []
-
-    def visit(name: str) -> None:
-        """Puts what a system asks for before it."""
-        roles = filled(name, sections)
-        for role in find(name).serves_with:
-            visit(roles[role])
-        if name not in order:
-            order.append(name)
-
-    for name in names:
-        visit(name)
-    return tuple(order)

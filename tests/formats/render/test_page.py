@@ -16,6 +16,7 @@ from motionary.errors import InputError
 from motionary.formats.render.figure import limbs
 from motionary.formats.render.page import player_assets, player_fragment, player_html
 from motionary.formats.render.scene import Scene
+from motionary.motion import Motion
 
 
 def data_of(html: str) -> dict:
@@ -137,3 +138,10 @@ def test_bad_input(person, tmp_path):
     with pytest.raises(InputError, match="captions"):
         person.save(tmp_path / "a.html", captions=["a", "b"])
     assert not list(tmp_path.iterdir())
+
+
+def test_motions_side_by_side_share_their_scale(person):
+    small = Motion(person.positions * 0.5, person.fps, person.skeleton)
+    first, second = data_of(player_fragment([("large", person), ("small", small)]))["motions"]
+    (alone,) = data_of(player_fragment([("small", small)]))["motions"]
+    assert first["distance"] == second["distance"] > alone["distance"]

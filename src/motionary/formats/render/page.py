@@ -82,7 +82,10 @@ def player_fragment(motions: Sequence[tuple[str, Motion]], autoplay: bool = True
         f"<figure><canvas></canvas>{f'<figcaption>{escape(caption)}</figcaption>' if caption else ''}</figure>"
         for caption, _ in motions
     )
-    data = json.dumps({"motions": [_pack(motion) for _, motion in motions], "autoplay": autoplay})
+    packed = [_pack(motion) for _, motion in motions]
+    for one in packed:  # side by side a metre is as long in each
+        one["distance"] = max(other["distance"] for other in packed)
+    data = json.dumps({"motions": packed, "autoplay": autoplay})
     data = data.replace("<", "\\u003c")  # nothing in the data can close its element
     speeds = "".join(f"<option value={s}{' selected' * (s == 1)}>{s}x</option>" for s in (0.25, 0.5, 1, 2))
     return (

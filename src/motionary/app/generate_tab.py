@@ -1,0 +1,77 @@
+"""The page's controls for motions of a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from motionary.app import limits
+from motionary.app.limits import among, within
+from motionary.app.player import Item
+from motionary.app.visit import Visit
+from motionary.app.wording import plain, titles
+from motionary.motion import Motion
+from motionary.systems.registry import find
+
+
+class GenerateTab:
+    """A prompt, three to try, and folded away how it is answered. Enter generates."""
+
+    def __init__(self, visit: Visit, generators: Sequence[str], prompts: Sequence[str]):
+        """
+        Args:
+            visit: the visitor's.
+            generators: names of the systems that answer, the usual one first.
+            prompts: sentences to try.
+        """
+        self._visit, self._generators, gui = visit, tuple(generators), visit.gui
+        with (form := gui.add_form(None)):
+            self._prompt = gui.add_text("Prompt", prompts[0])
+        button = gui.add_button("Generate")
+        self._tries = gui.add_button_group("Try", prompts)
+        self._count = gui.add_slider("Variants", min=1, max=limits.MOST_VARIANTS, step=1, initial_value=1)
+        with gui.add_folder("How", expand_by_default=False):
+            self._system = gui.add_dropdown("System", self._generators)
+            self._about = gui.add_markdown(plain(find(generators[0]).about))
+            hint = "0: the system decides"
+            self._seconds = gui.add_slider(
+                "Seconds", min=0.0, max=limits.MOST_GENERATED, step=0.2, initial_value=0.0, hint=hint
+            )
+            self._seed = visit.seed()
+            self._feet = gui.add_checkbox("Feet stand", True, hint=limits.FEET)
+        self._system.on_update(lambda _: self._tell())
+        form.on_submit(lambda _: self._start())
+        button.on_click(lambda _: self._start())
+        self._tries.on_click(lambda _: self._try())
+
+    def suggest(self, prompts: Sequence[str]) -> None:
+        """Offers other sentences to try."""
+        if self._prompt.value == self._tries.options[0]:
+            self._prompt.value = prompts[0]
+        self._tries.options = tuple(prompts)
+
+    def _try(self) -> None:
+        self._prompt.value = among("try", self._tries.value, self._tries.options)
+        self._start()
+
+    def _tell(self) -> None:
+        if self._system.value in self._generators:
+            self._about.content = plain(find(self._system.value).about)
+
+    def _start(self) -> None:
+        self._visit.turns.start("Making motions", self._work)
+
+    def _work(self) -> None:
+        """Generates and shows."""
+        visit, text = self._visit, self._prompt.value
+        length = within("seconds", self._seconds.value, 0, limits.MOST_GENERATED) or None
+        n = int(within("variants", self._count.value, 1, limits.MOST_VARIANTS))
+        name, seed = among("system", self._system.value, self._generators), visit.seeded(self._seed)
+        feet = bool(self._feet.value)
+        motions = visit.turns.on_models(visit.dictionary.generate, text, n, length, name, seed, feet)
+        words = visit.turns.on_models(visit.dictionary.read_as, text)
+        visit.show(of_one_text(motions, text), f"Read as: {plain(words)}")
+
+
+def of_one_text(motions: Sequence[Motion], text: str) -> list[Item]:
+    """Motions that one text describes."""
+    return [Item(motion, title, text) for motion, title in zip(motions, titles([text] * len(motions)), strict=True)]
