@@ -74,6 +74,9 @@ def test_at_the_real_lengths_a_system_that_fails_only_in_length_is_as_good_as_re
     assert report["generation"]["all"]["fid"]["mean"] > 0.5
     assert held["physics"]["generated"]["seconds"] == report["physics"]["real"]["seconds"]
     assert report["physics"]["generated"]["seconds"] == pytest.approx(2.0)
+    planted = report["planted"]
+    assert planted.keys() == {"generation", "physics", "oracle"}
+    assert planted["physics"]["generated"]["foot_skating"] <= report["physics"]["generated"]["foot_skating"]
     assert held["oracle"]["captions"].keys() == report["oracle"]["captions"].keys()
     lengths = [n for frames in generator.asked if frames is not None for n in frames]
     assert lengths == [len(f) for f in items.features]

@@ -27,7 +27,9 @@ PROTOCOL = Protocol(
     bert_score=False,
 )  # fmt: skip
 CONSENSUS = "motion2text by consensus of 40 draws"
-ROWS = {"real", *SYSTEMS, "inverse_alignment with real lengths", CONSENSUS}  # only one takes a length, one draws
+PLANTED = {f"{name}, feet planted" for name in ("inverse_alignment", "retrieval")}
+# Only one takes a length, one draws.
+ROWS = {"real", *SYSTEMS, "inverse_alignment with real lengths", CONSENSUS, *PLANTED}
 
 
 def test_examples_show_what_each_system_offers(pipeline):
