@@ -63,8 +63,7 @@ sweep: setup  ## an example sweep: two learning rates of the tokenizer, in paral
 	@python stages/tokenizer.py -m tokenizer.learning_rate=1e-4,3e-4 hydra/launcher=joblib
 
 mlflow: setup  ## the dashboard, at http://127.0.0.1:5000
-	@python -m motionary.pipeline.delivery || true
-	@mlflow ui --backend-store-uri sqlite:///$(CURDIR)/mlflow.db --host 127.0.0.1 --port $${PORT:-5000}
+	@python -m motionary.pipeline.dashboard --port $${PORT:-5000}
 
 app: setup  ## the dictionary in a browser
 	@motionary app

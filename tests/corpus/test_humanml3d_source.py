@@ -81,6 +81,18 @@ def test_features_stand_in_for_absent_joints(release, tmp_path, motion_of):
     assert abs(height - expected[:, 0, 1].mean()) < 0.1
 
 
+def test_a_release_without_its_texts_or_motions_is_one_error(release, tmp_path):
+    (release / "texts").rename(release / "packed")
+    with pytest.raises(InputError, match=r"/texts: missing: must hold the captions; unpack the release's texts\.zip"):
+        build(release, tmp_path / "out")
+    (release / "packed").rename(release / "texts")
+    for name in ("new_joints", "new_joint_vecs"):
+        (release / name).rename(release / f"no_{name}")
+    with pytest.raises(InputError, match="/new_joints: missing: must hold the motions"):
+        build(release, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("width", [262, 264])
 def test_other_features_than_the_releases_are_refused(release, tmp_path, width):
     np.save(release / "new_joint_vecs" / "000005.npy", np.zeros((120, width), np.float32))

@@ -10,6 +10,7 @@ import time
 import pytest
 import yaml
 
+from motionary.pipeline.lacking import lacking, told
 from motionary.pipeline.repro import main, outdated, schedule
 
 STAGE = """
@@ -48,7 +49,7 @@ def run(needs, jobs, lasts=None, codes=None):
         events.append((stage, slot, alone))
         return Ends((lasts or {}).get(stage, 0), (codes or {}).get(stage, 0))
 
-    failed = schedule(needs, start, jobs, wait=lambda: None)
+    failed, _ = schedule(needs, start, jobs, wait=lambda: None)
     return events, failed
 
 
@@ -70,6 +71,35 @@ def test_what_holds_up_most_goes_first_and_a_freed_slot_is_used():
     needs = {"leaf": set(), "trunk": set(), "other": set(), "late": {"trunk"}}
     events, _ = run(needs, jobs=2, lasts={"trunk": 1, "leaf": 9, "other": 1, "late": 1})
     assert events == [("trunk", 0, False), ("leaf", 1, False), ("late", 0, False), ("other", 0, False)]
+
+
+def test_what_cannot_be_trained_and_what_stands_on_it_are_left_out():
+    needs = {"a": set(), "b": {"a"}, "c": {"a", "b"}, "d": {"a"}}
+    started = []
+
+    def start(stage, slot, alone):
+        started.append(stage)
+        return Ends(0)
+
+    found = schedule(needs, start, 2, lambda: None, lambda done: {"b"} if "a" in done else set())
+    assert found == ([], {"b", "c"})
+    assert started == ["a", "d"]
+
+
+def test_a_corpus_without_captions_trains_what_reads_no_text(tmp_path):
+    assert lacking(tmp_path) == {}
+    (tmp_path / "data/corpus").mkdir(parents=True)
+    (tmp_path / "data/corpus/report.json").write_text('{"captions": 0}')
+    (tmp_path / "data/corpus/context.json").write_text('{"styles": ["old", "young"], "actions": []}')
+    lacks = lacking(tmp_path)
+    assert {"evaluator", "joint_evaluator", "motion2text", "text2token", "text2length", "temos"} <= set(lacks)
+    assert not set(lacks) & {"autoencoder", "tokenizer", "latents", "global_motion", "stylization", "style_evaluator"}
+    assert lacks["action2motion"] == "action labels"
+    assert told(lacks, {"evaluator", "action2motion", "report"}).splitlines() == [
+        "left out for want of captions in clips.jsonl (docs/data.md): evaluator",
+        "left out for want of action labels in clips.jsonl (docs/data.md): action2motion",
+        "left out with them, since they stand on them: report",
+    ]
 
 
 def test_after_a_failure_nothing_new_starts_and_what_runs_may_end():

@@ -67,7 +67,8 @@ class HumanML3DSource:
         self.root, self.name = root, name
 
     def clips(self) -> tuple[list[Clip], list[InputError]]:
-        """See `sources.Source`."""
+        """See `sources.Source`; InputError where a folder of the release is missing."""
+        self._check_folders()
         split_of, problems = self._splits()
         mirrored = {name for name in split_of if name.startswith("M") and name[1:] in split_of}
         found = []
@@ -92,6 +93,14 @@ class HumanML3DSource:
             except Exception as error:  # one bad name never ends a run
                 problems.append(unforeseen(self.root / "texts" / f"{name}.txt", error))
         return found, problems
+
+    def _check_folders(self) -> None:
+        """A release that was not unpacked whole is one error, not one for each of its motions."""
+        if not (self.root / "texts").is_dir():
+            raise InputError(self.root / "texts", "missing", "must hold the captions; unpack the release's texts.zip")
+        if not any((self.root / name).is_dir() for name in ("new_joints", "new_joint_vecs")):
+            rule = "must hold the motions, as must new_joint_vecs; the release says how to make them"
+            raise InputError(self.root / "new_joints", "missing", rule)
 
     def _splits(self) -> tuple[dict[str, str], list[InputError]]:
         split_of: dict[str, str] = {}

@@ -17,7 +17,18 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from motionary.pipeline.journal import JOURNALS, discard, ended, identity, lock_of, probe, records, tracking_uri
+from motionary.pipeline.journal import (
+    ARTIFACTS,
+    JOURNALS,
+    discard,
+    ended,
+    identity,
+    lock_of,
+    probe,
+    records,
+    rehome,
+    tracking_uri,
+)
 
 _LOOK, _RETRY = 2.0, 10.0  # seconds between two looks at a growing journal, and after a failure
 # MLflow waits minutes for a server that is not there; what is set already stays.
@@ -114,6 +125,7 @@ class Sender:
         with FileLock(self.home / ".cache" / "mlflow.lock", timeout=60):
             if self.client is None:
                 self.client = MlflowClient(self.uri)
+                rehome(self.home)
                 self._file = identity(self.uri)
             try:
                 run_id = note.read_text().strip()
@@ -138,7 +150,7 @@ class Sender:
         found = self.client.get_experiment_by_name(name)
         if found is not None:
             return found.experiment_id
-        location = None if os.environ.get("MLFLOW_TRACKING_URI") else (self.home / "mlartifacts" / name).as_uri()
+        location = None if os.environ.get("MLFLOW_TRACKING_URI") else (self.home / ARTIFACTS / name).as_uri()
         return self.client.create_experiment(name, artifact_location=location)
 
     def _parent(self, sweep: Path, experiment: str) -> str:

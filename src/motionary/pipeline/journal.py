@@ -15,6 +15,7 @@ from typing import Any
 from filelock import FileLock
 
 JOURNALS = "tracking-*.jsonl"
+ARTIFACTS = "mlartifacts"  # the folder of figures and reports that runs keep
 _PROBE = 5.0  # seconds for a server or a database to show that it answers
 
 
@@ -67,6 +68,23 @@ def identity(uri: str) -> tuple[int, int] | None:
     if not uri.startswith("sqlite:///") or not path.exists():
         return None
     return path.stat().st_dev, path.stat().st_ino
+
+
+def rehome(home: Path) -> None:
+    """Runs of a project that was moved find their files again: MLflow keeps whole paths, here of ``mlartifacts/``."""
+    path = Path(tracking_uri(home).removeprefix("sqlite:///"))
+    if not tracking_uri(home).startswith("sqlite:///") or not path.exists():
+        return
+    here, part = home.as_uri(), f"/{ARTIFACTS}/"
+    database = sqlite3.connect(path, timeout=_PROBE)
+    try:
+        for table, column in (("experiments", "artifact_location"), ("runs", "artifact_uri")):
+            moved = f"{column} LIKE 'file://%{part}%' AND {column} NOT LIKE ? || '{part}%'"
+            rest = f"? || substr({column}, instr({column}, '{part}'))"
+            database.execute(f"UPDATE {table} SET {column} = {rest} WHERE {moved}", (here, here))
+        database.commit()
+    finally:
+        database.close()
 
 
 def discard(journal: Path) -> None:

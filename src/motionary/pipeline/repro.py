@@ -23,6 +23,7 @@ from motionary.errors import InputError
 from motionary.pipeline import guard
 from motionary.pipeline.check import check_params
 from motionary.pipeline.journal import JOURNALS
+from motionary.pipeline.lacking import lacking, told
 from motionary.pipeline.leftovers import wait_for_running
 
 _POLL, _GRACE = 0.2, 60.0  # seconds between two looks at the stages, and for a stopped one to end by itself
@@ -72,8 +73,10 @@ def schedule(
     start: Callable[[str, int, bool], Process],
     jobs: int,
     wait: Callable[[], None] = lambda: time.sleep(_POLL),
-) -> list[str]:
-    """Runs stages in an order that respects `needs`, at most `jobs` at once; returns those that failed.
+    hopeless: Callable[[set[str]], set[str]] = lambda done: set(),
+) -> tuple[list[str], set[str]]:
+    """Runs stages in an order that respects `needs`, at most `jobs` at once; returns those that failed and those
+    that were left out.
 
     After a failure nothing new is started, what runs is let finish.
 
@@ -81,6 +84,7 @@ def schedule(
         needs: stage -> every stage that must have ended well before.
         start: (stage, free slot below `jobs`, whether it is bound to run alone) -> its process.
         wait: called between two looks at the processes.
+        hopeless: given what has ended well, the stages that cannot: they and what needs them are left out.
     """
     # Whatever holds up most of the others goes first; then by name, so that runs are alike.
     weight = {name: sum(name in others for others in needs.values()) for name in needs}
@@ -88,7 +92,11 @@ def schedule(
     running: dict[str, tuple[int, Process]] = {}
     done: set[str] = set()
     failed: list[str] = []
+    left: set[str] = set()
     while running or (waiting and not failed):
+        bad = hopeless(done)
+        left |= {name for name in waiting if name in bad or needs[name] & bad}
+        waiting = [name for name in waiting if name not in left]
         ready = [] if failed else [name for name in waiting if needs[name] <= done]
         alone = not running and len(ready) == 1
         for name in ready[: jobs - len(running)]:
@@ -104,7 +112,7 @@ def schedule(
                 failed.append(name)
         if running and not ended:
             wait()
-    return failed
+    return failed, left
 
 
 class Runner:
@@ -159,8 +167,16 @@ def repro(root: Path, jobs: int) -> list[str]:
     if not needs:
         print("Data and pipelines are up to date.")
         return []
+
+    def hopeless(done: set[str]) -> set[str]:
+        """Stages for which the corpus lacks something, once it is there."""
+        return set(lacking(root)) & set(needs) if "preprocess" in done or "preprocess" not in needs else set()
+
     with Runner(root, jobs) as start:
-        return schedule(needs, start, jobs, _patience())
+        failed, left = schedule(needs, start, jobs, _patience(), hopeless)
+    if left:
+        print(told(lacking(root), left))
+    return failed
 
 
 def send_rest(root: Path) -> None:

@@ -18,7 +18,7 @@ from motionary.errors import InputError, check_whole
 from motionary.pipeline.code import code_hash, code_name
 from motionary.pipeline.journal import JOURNALS
 from motionary.pipeline.leftovers import Alone, remove_unfinished, remove_unfinished_checkpoints
-from motionary.pipeline.tracking import Tracker, numbers
+from motionary.pipeline.tracking import Tracker, committed_params, numbers, run_name
 from motionary.pipeline.workspace import Workspace, content_hash, values_hash
 from motionary.systems.renamed import refuse_old_names
 from motionary.systems.serving import served_by
@@ -147,11 +147,21 @@ class Stage:
                 "hash.params": values_hash(self._read() | {"seed": self.seed}),
                 "hash.inputs": self.inputs_hash,
                 "hash.code": self.code,
+                "mlflow.source.name": f"stages/{self.name}.py",
+                "mlflow.source.type": "LOCAL",
             }
             params = self._read(*SHARED)
-            run_name = "-".join(part for part in (self.name, self.label, tags["dvc.exp_name"]) if part)
-            self._tracker = Tracker(self.workspace.home, self.name, run_name, params, tags, self.cache, self._sweep)
+            name = self._run_name(params, tags["dvc.exp_name"])
+            self._tracker = Tracker(self.workspace.home, self.name, name, params, tags, self.cache, self._sweep)
         return self._tracker
+
+    def _run_name(self, params: Mapping[str, Any], experiment: str) -> str:
+        """What differs from other runs of the stage, as the dashboard shows it."""
+        usual = committed_params(self.workspace.root)
+        if usual.get("scale") != self.values.get("scale"):
+            usual = {}  # another scale: nearly everything differs, and its name says so
+        parts = (self.label or "", self.values["data"]["name"], str(self.values.get("scale", "")), experiment)
+        return run_name(parts, self.name, params, {k: v for k, v in usual.items() if k != "scale"})
 
     # Outputs ----------------------------------------------------------------------------------------------------
 

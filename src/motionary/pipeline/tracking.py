@@ -7,9 +7,11 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from motionary.pipeline.delivery import warn
 from motionary.pipeline.journal import lock_of, tracking_uri
@@ -119,4 +121,33 @@ def git_tags(home: Path) -> dict[str, str]:
         dirty = subprocess.run(["git", "status", "--porcelain", "-uno"], cwd=home, capture_output=True, text=True)
     except (OSError, subprocess.CalledProcessError):
         return {}
-    return {"git.commit": commit.stdout.strip(), "git.dirty": str(bool(dirty.stdout.strip())).lower()}
+    return {
+        "git.commit": commit.stdout.strip(),
+        "git.dirty": str(bool(dirty.stdout.strip())).lower(),
+        "mlflow.source.git.commit": commit.stdout.strip(),  # the column "Version" of the dashboard
+    }
+
+
+def run_name(parts: Sequence[str], section: str, params: Mapping[str, Any], usual: Mapping[str, Any]) -> str:
+    """What tells a run from others of its stage: `parts`, then the values that are not the usual ones, at most four.
+
+    Args:
+        parts: corpus, scale and the like; empty ones are left out.
+        section: of the stage, whose own keys are shown without it.
+        params, usual: of this run and in general, nested.
+    """
+    known, flat = flatten(usual), flatten(params)
+    other = [f"{k.removeprefix(f'{section}.')}={v}" for k, v in flat.items() if k in known and known[k] != v]
+    more = [f"and {len(other) - 4} more"] if len(other) > 4 else []
+    return " ".join([*filter(None, parts), *other[:4], *more])
+
+
+def committed_params(root: Path) -> dict[str, Any]:
+    """params.yaml as it stands in the commit; empty where there is none."""
+    try:
+        shown = subprocess.run(
+            ["git", "show", "HEAD:params.yaml"], cwd=root, capture_output=True, text=True, check=True
+        )
+        return dict(yaml.load(shown.stdout, getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
+    except (OSError, subprocess.CalledProcessError, yaml.YAMLError, TypeError, ValueError):
+        return {}
