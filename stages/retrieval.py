@@ -7,7 +7,7 @@ from motionary.corpus.store import Corpus
 from motionary.evaluation.copies import copy_statistics
 from motionary.pipeline.stage import Stage, run_stage
 from motionary.pipeline.train import trained_inputs
-from motionary.systems.judges.corpus_search import Index
+from motionary.systems.judges.corpus_search import Index, meanings_of
 from motionary.systems.judges.judge import Judge
 
 
@@ -21,6 +21,7 @@ def main(config):
         motions = judge.motions([corpus.features(i) for i in range(len(corpus))], progress="embed")
         with stage.publish("models/retrieval") as folder:
             Index(motions, judge.hash).save(folder)
+            meanings_of(corpus).save(folder)
         copies = copy_statistics(corpus)
         stage.report({"windows": len(corpus), "judge": judge.hash, "copies": copies})
 

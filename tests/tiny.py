@@ -14,7 +14,7 @@ def build_pipeline(root: Path, clips: int = 24) -> Path:
     from motionary.corpus.preprocess import preprocess
     from motionary.corpus.store import Corpus
     from motionary.systems.io import Trained, build_model, save_model
-    from motionary.systems.judges.corpus_search import Index
+    from motionary.systems.judges.corpus_search import Index, meanings_of
     from motionary.systems.judges.evaluator import Evaluator, EvaluatorConfig
     from motionary.systems.judges.joint_evaluator import JointEvaluator, JointEvaluatorConfig
     from motionary.systems.judges.judge import Judge
@@ -55,6 +55,7 @@ def build_pipeline(root: Path, clips: int = 24) -> Path:
         save_model(models / "inverse_alignment", "inverse_alignment", aligned, context)
     judge = Judge(models / "evaluator")
     Index(judge.motions([corpus.features(i) for i in range(len(corpus))]), judge.hash).save(models / "retrieval")
+    meanings_of(corpus).save(models / "retrieval")
     return root
 
 

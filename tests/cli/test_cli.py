@@ -18,6 +18,7 @@ from shell import call
 from motionary import read_motion
 from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
+from motionary.cli.outputs import slug
 
 
 def shell(*arguments: str, text: str = "") -> subprocess.CompletedProcess:
@@ -63,6 +64,49 @@ def test_prompts_from_a_file(tmp_path, models, capsys, monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO("kick\n"))
     code, out, _ = call(capsys, "generate", "-", *arguments)
     assert Path(out.strip()).name == "kick.npy"
+
+
+def test_unknown_words_are_said(tmp_path, models, capsys):
+    text = "a person does a cartwheel, xqzt"
+    arguments = ("--out", str(tmp_path), "--format", "npy", "--json", *models)
+    code, out, err = call(capsys, "generate", text, "a person walks", *arguments)
+    (first, second) = json.loads(out)
+    assert code == 0
+    assert first["replaced"].keys() == {"cartwheel"}
+    assert first["unknown"] == ["xqzt"]
+    assert first["distance"] > second["distance"] >= 0
+    assert (second["read_as"], second["replaced"], second["unknown"]) == ("a person walk", {}, [])
+    assert len(err.splitlines()) == 1
+    assert re.match(r'note: "a person does a cartwheel, xqzt" is read as ".*"; not known: cartwheel', err)
+
+
+def test_what_is_written_has_rotations_and_bones_of_one_length_at_any_rate(tmp_path, models, capsys):
+    arguments = ("--out", str(tmp_path), "--format", "npz", "--seconds", "2", "--fps", "30", *models)
+    code, out, _ = call(capsys, "generate", "Crème brûlée: a person walks!", *arguments)
+    assert (code, Path(out.strip()).name) == (0, "creme-brulee-a-person-walks.npz")
+    motion = read_motion(out.strip())
+    assert (motion.fps, motion.frames) == (30, 59)
+    assert motion.rotations is not None
+    parents = list(motion.skeleton.parents[1:])
+    bones = np.linalg.norm(motion.positions[:, 1:] - motion.positions[:, parents], axis=-1)
+    assert np.ptp(bones, axis=0).max() < 1e-3
+    code, _, err = call(capsys, "generate", "walk", "--out", str(tmp_path), "--fps", "0", *models)
+    assert (code, err[:13]) == (2, "error: fps: 0")
+
+
+def test_names_of_files_say_any_prompt():
+    assert slug("Ça marche, l'été!", "motion") == "ca-marche-l-ete"
+    assert slug("人が歩く", "motion") == "人が歩く"
+    assert slug("___ !?", "motion") == "motion"
+    assert len(slug("a person " * 20, "motion")) <= 48
+
+
+def test_convert_needs_no_torch(clip, tmp_path):
+    code = "import sys; from motionary.cli import main; main(sys.argv[1:]); print(*sys.modules)"
+    line = [sys.executable, "-c", code, "convert", str(clip), str(tmp_path / "out.glb"), "--fps", "24"]
+    run = subprocess.run(line, capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stderr
+    assert not {"torch", "spacy", "transformers", "pyarrow", "scipy"} & set(run.stdout.split())
 
 
 def test_existing_files_are_kept_unless_forced(tmp_path, models, capsys):

@@ -176,6 +176,19 @@ def test_embeddings_have_a_row_each(d, walk):
             d.embed(**wrong)
 
 
+def test_an_unknown_word_is_read_as_the_nearest_and_said(d):
+    found = d.reading("a person does a cartwheel")
+    assert found.replaced.keys() == {"cartwheel"}
+    assert d.read_as("a person does a cartwheel") == found.words
+    assert "<unknown>" not in found.words
+    assert found.distance > 0.1
+    assert "cartwheel" in found.line
+    assert d.reading("he walks forward").line == ""
+    by_other_words = d.generate(found.words, seed=2)[0]
+    assert same(d.generate("a person does a cartwheel", seed=2)[0], by_other_words)
+    assert len(d.generate("xqzt blorf")) == 1
+
+
 def test_typos_are_read_as_words_of_the_corpus(d):
     assert d.read_as("a persn walks forwrd") == d.read_as("A person walks forward.")
     np.testing.assert_allclose(d.embed(texts="a persn walks"), d.embed(texts="a person walks"), atol=1e-6)

@@ -9,6 +9,7 @@ from motionary.app.limits import among, within
 from motionary.app.player import Item
 from motionary.app.visit import Visit
 from motionary.app.wording import plain, titles
+from motionary.language import PromptReading
 from motionary.motion import Motion
 from motionary.systems.registry import find
 
@@ -68,8 +69,13 @@ class GenerateTab:
         name, seed = among("system", self._system.value, self._generators), visit.seeded(self._seed)
         feet = bool(self._feet.value)
         motions = visit.turns.on_models(visit.dictionary.generate, text, n, length, name, seed, feet)
-        words = visit.turns.on_models(visit.dictionary.read_as, text)
-        visit.show(of_one_text(motions, text), f"Read as: {plain(words)}")
+        reading = visit.turns.on_models(visit.dictionary.reading, text)
+        visit.show(of_one_text(motions, text), read_line(reading))
+
+
+def read_line(reading: PromptReading) -> str:
+    """How a prompt was read, as markdown that shows it letter by letter."""
+    return "  \n".join([f"Read as: {plain(reading.words)}", *([plain(reading.line)] if reading.line else [])])
 
 
 def of_one_text(motions: Sequence[Motion], text: str) -> list[Item]:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from motionary.app.player import Item
 from motionary.dictionary.dictionary import Dictionary
-from motionary.language.vocabulary import SPECIAL
 from motionary.systems.registry import ACT
 
 PROMPTS = (
@@ -21,7 +20,6 @@ PROMPTS = (
     "a person walks",
 )
 _OFFERED = 3
-_UNKNOWN = SPECIAL[-1]
 
 
 class Opening:
@@ -58,5 +56,5 @@ class Opening:
 
     def _known(self) -> tuple[str, ...]:
         """The first sentences of which the models know every word."""
-        known = (text for text in PROMPTS if _UNKNOWN not in self._dictionary.read_as(text))
+        known = (text for text in PROMPTS if not self._dictionary.reading(text).line)
         return tuple(text for _, text in zip(range(_OFFERED), known, strict=False))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import re
 from typing import Any
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
-from motionary.cli.outputs import Outputs, add_outputs, variants
+from motionary.cli.outputs import Outputs, add_outputs, slug, variants
 
 
 def _arguments(add: argparse.ArgumentParser) -> None:
@@ -17,7 +16,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--seconds", type=float, nargs="+", default=[3.0], help="how long: one, or one an action (3)")
     add.add_argument("--scale", type=float, default=1.0, help="of the body (1)")
     add.add_argument("--start", metavar="FILE", help="a motion that is gone on from")
-    add.add_argument("--fps", type=float, help="rate of a start that does not say it (npy)")
+    add.add_argument("--source-fps", type=float, help="rate of a start that does not say it (npy)")
     told = "motions between the first poses of two seeds, in place of -n and --seed: as many as --steps"
     add.add_argument("--between", type=int, nargs=2, metavar="SEED", help=told)
     add.add_argument("--steps", type=shared.count, default=5, help="for --between (5)")
@@ -35,13 +34,13 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.formats import read_motion
 
     count = options.n if options.between is None else options.steps
-    names = variants(re.sub(r"[^a-z0-9]+", "-", "-".join(options.actions).lower()).strip("-") or "action", count)
+    names = variants(slug("-".join(options.actions), "action"), count)
     outputs = Outputs(options, names)
     if options.between is not None and (len(options.actions) > 1 or options.start or len(options.seconds) > 1):
         raise InputError("--between", " ".join(options.actions), "takes one action, one length and no start")
     start = None
     if options.start is not None:
-        start = read_motion(options.start, fps=options.fps, **shared.reading(options))
+        start = read_motion(options.start, fps=options.source_fps, **shared.reading(options))
     seconds = options.seconds if len(options.seconds) > 1 else options.seconds[0]
     dictionary = shared.open_models(options)
     if options.between is not None:

@@ -24,7 +24,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--extend", type=float, metavar="SECONDS", help="go on for so long; without TEXT as it went")
     add.add_argument("--between", metavar="FILE", help="lead from the end of the one file to the begin of this one")
     add.add_argument("--seconds", type=float, default=1.0, help="for --between (1)")
-    add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
+    add.add_argument("--source-fps", type=float, help="rate of files that do not say it (npy)")
     shared.add_system(add)
     shared.add_feet(add)
     add_outputs(add)
@@ -44,7 +44,7 @@ def _run(options: argparse.Namespace) -> None:
         raise InputError("edit", " ".join(asked) or "nothing asked", "give --start and --end, --extend, or --between")
     name = f"{Path(options.file).stem}-{asked[0].strip('-').replace('start', 'edited')}"
     outputs = Outputs(options, [name])
-    read = {"fps": options.fps, **shared.reading(options)}
+    read = {"fps": options.source_fps, **shared.reading(options)}
     motion = read_motion(options.file, **read)
     other = read_motion(options.between, **read) if options.between else None
     made = _made(shared.open_models(options), motion, other, options)

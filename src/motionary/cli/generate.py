@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
 from motionary.cli.constraints import add_constraints, lengths, read_keyframes
-from motionary.cli.outputs import Outputs, add_outputs, variants
+from motionary.cli.outputs import Outputs, add_outputs, slug, variants
 
 if TYPE_CHECKING:
     from motionary.dictionary import Dictionary
@@ -21,15 +20,16 @@ CHUNK = 128  # motions generated and written before the next are begun, so that 
 
 def _arguments(add: argparse.ArgumentParser) -> None:
     shared.add_prompts(add)
-    add.add_argument("-n", type=shared.count, default=1, help="motions for each prompt (1)")
+    add.add_argument("-n", type=shared.count, default=1, help="motions to generate for each prompt (1)")
     add.add_argument("--seconds", type=lengths, metavar="A,B", help="length, or one a prompt; else the system decides")
     add_constraints(add)
     shared.add_system(add)
     add_outputs(add)
-    add.add_argument("--temperature", type=float, help="of sampling")
-    add.add_argument("--top-p", type=float, help="of sampling")
+    add.add_argument("--temperature", type=float, help="above 1 generates more variety, below 1 less")
+    told = "draw from the likeliest tokens that have this share together, of systems that write tokens"
+    add.add_argument("--top-p", type=float, help=told)
     shared.add_feet(add)
-    add.add_argument("--style", metavar="NAME", help="stylize the result")
+    add.add_argument("--style", metavar="NAME", help="give what was generated a style of the training clips")
     shared.add_seed(add)
     shared.add_models(add)
     shared.add_json(add)
@@ -50,7 +50,7 @@ def _run(options: argparse.Namespace) -> None:
         made = _generated(dictionary, prompts, options, keyframes)
         told = [", then ".join(prompts)] if options.join else prompts
         for text, row, motions in zip(told, names, made, strict=True):
-            what = {"text": text, "read_as": dictionary.read_as(text), "seed": options.seed}
+            what = {"text": text, **shared.say_reading(dictionary, text), "seed": options.seed}
             for variant, (name, motion) in enumerate(zip(row, motions, strict=True)):
                 seconds, files = round(motion.duration, 3), outputs.write(motion, name, text)
                 rows.append(what | {"variant": variant, "seconds": seconds, "files": files})
@@ -87,8 +87,8 @@ def _names(prompts: Sequence[str], n: int) -> list[list[str]]:
     """Names of the files of each prompt, without extension: numbered where there are several."""
     width, names = len(str(len(prompts) - 1)), []
     for i, text in enumerate(prompts):
-        slug = re.sub(r"[^a-z0-9]+", "-", text.lower())[:48].strip("-") or "motion"
-        names.append(variants(slug if len(prompts) == 1 else f"{i:0{width}d}-{slug}", n))
+        name = slug(text, "motion")
+        names.append(variants(name if len(prompts) == 1 else f"{i:0{width}d}-{name}", n))
     return names
 
 

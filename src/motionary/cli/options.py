@@ -97,13 +97,21 @@ def read_prompts(options: argparse.Namespace) -> list[str]:
     return [check_prompt(line, f"{where}, line {number}") for number, line in lines]
 
 
+def say_reading(dictionary: Dictionary, text: str) -> dict[str, Any]:
+    """How a prompt is read, as JSON shows it; what a reader must know of it is a line on standard error."""
+    reading = dictionary.reading(text)
+    if reading.line:
+        print(f"note: {reading.line}", file=sys.stderr)
+    return reading.record()
+
+
 # Motion files -----------------------------------------------------------------------------------------------------
 
 
-def add_files(add: argparse.ArgumentParser, told: str = "") -> None:
-    """FILE, one or several, and --fps; `told` goes on about the files."""
+def add_files(add: argparse.ArgumentParser, told: str = "", rate: str = "--fps") -> None:
+    """FILE, one or several, and their rate, --source-fps where --fps is that of results; `told` goes on about them."""
     add.add_argument("files", nargs="+", metavar="FILE", help=f"{_READ}{told}")
-    add.add_argument("--fps", type=float, help="rate of files that do not say it (npy)")
+    add.add_argument(rate, dest="source_fps", type=float, help="rate of files that do not say it (npy)")
 
 
 def add_reading(add: argparse.ArgumentParser) -> None:
@@ -134,7 +142,7 @@ def read_files(options: argparse.Namespace) -> dict[str, Motion]:
 
     def read(path: str) -> Motion:
         """One file, read and cut as asked."""
-        return cut(read_motion(path, fps=options.fps, **reading(options)), options)
+        return cut(read_motion(path, fps=options.source_fps, **reading(options)), options)
 
     return each(options, {path: path for path in options.files}, read)
 
@@ -148,7 +156,7 @@ def each(options: argparse.Namespace, given: Mapping[str, T], done: Callable[[T]
     """
     found: dict[str, R] = {}
     errors: dict[str, InputError] = {}
-    asked = {*vars(options), options.mapping}
+    asked = {*vars(options), "fps", options.mapping}
     for file, value in given.items():
         try:
             found[file] = done(value)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +18,10 @@ _TITLED = (".mp4", ".gif", ".html")  # formats that show a caption
 
 
 def add_outputs(add: argparse.ArgumentParser) -> None:
-    """--out, --format, --onto and --force, for :class:`Outputs`."""
+    """--out, --format, --fps, --onto and --force, for :class:`Outputs`."""
     add.add_argument("--out", default=".", metavar="FOLDER", help="where the files go (here)")
     add.add_argument("--format", default="bvh", metavar="A,B", help="bvh, npz, npy, glb, mp4, gif, html (bvh)")
+    add.add_argument("--fps", type=float, help="rate of what is written (as it was made)")
     add_onto(add)
     add_force(add, "existing files")
 
@@ -54,14 +57,18 @@ class Outputs:
     """Files of motions in each format asked for.
 
     Raises:
-        InputError: an unknown format, a file that is no rig, or a name of `names` that cannot be written: before
-            anything is computed.
+        InputError: an unknown format, a rate out of range, a file that is no rig, or a name of `names` that cannot be
+            written: before anything is computed.
     """
 
     def __init__(self, options: argparse.Namespace, names: Iterable[str]):
         from motionary.files import writable
 
-        self.folder, self.force, self.onto = Path(options.out), options.force, options.onto
+        self.folder, self.force, self.onto, self.fps = Path(options.out), options.force, options.onto, options.fps
+        if self.fps is not None:
+            from motionary.motion.transforms import check_rate
+
+            check_rate(self.fps)
         self.extensions = list(dict.fromkeys(known_extension(name) for name in options.format.split(",")))
         if self.onto is not None:
             from motionary.formats.rig_files import read_rig
@@ -74,12 +81,22 @@ class Outputs:
     def write(self, motion: Motion, name: str, text: str | None = None) -> list[str]:
         """Writes a motion under a name, with a text where the format shows one, and names the files."""
         from motionary.formats import write_motion
+        from motionary.motion import fit_rotations, resample
 
+        motion = fit_rotations(motion)
+        motion = motion if self.fps is None else resample(motion, self.fps)
         given = {"force": self.force, "onto": self.onto}
         return [
             str(write_motion(motion, self.folder / f"{name}{e}", **given, **captioned(e, text)))
             for e in self.extensions
         ]
+
+
+def slug(text: str, otherwise: str, longest: int = 48) -> str:
+    """A text as a file's name: letters and digits of any script in lower case, accents left out, hyphens between."""
+    plain = re.sub(r"([a-z])[\u0300-\u036f]+", r"\1", unicodedata.normalize("NFKD", text.lower()))
+    short = re.sub(r"[\W_]+", "-", unicodedata.normalize("NFC", plain)).strip("-")[:longest]
+    return short.strip("-") or otherwise
 
 
 def variants(name: str, n: int) -> list[str]:

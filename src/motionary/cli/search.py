@@ -27,10 +27,14 @@ def _run(options: argparse.Namespace) -> None:
     prompts = shared.read_prompts(options)
     if options.archive is not None:
         return _archive(options, prompts)
-    found = shared.open_models(options).search(prompts, options.k)
+    dictionary = shared.open_models(options)
+    found = dictionary.search(prompts, options.k)
     rows, lines = [], []
     for text, matches in zip(prompts, found, strict=True):
-        rows.append({"text": text, "matches": [{key: getattr(match, key) for key in _KEYS} for match in matches]})
+        read = shared.say_reading(dictionary, text)
+        rows.append(
+            {"text": text, **read, "matches": [{key: getattr(match, key) for key in _KEYS} for match in matches]}
+        )
         for match in matches:
             said = match.captions[0] if match.captions else "-"
             lines.append(f"{match.distance:.3f}\t{match.id}\t{match.start:.2f}-{match.end:.2f} s\t{said}")
@@ -42,10 +46,12 @@ def _archive(options: argparse.Namespace, prompts: list[str]) -> None:
     from motionary.archive import Archive
 
     archive = Archive(options.archive)
-    found = archive.search(shared.open_models(options), prompts, options.k, options.sound)
+    dictionary = shared.open_models(options)
+    found = archive.search(dictionary, prompts, options.k, options.sound)
     rows, lines = [], []
     for text, moments in zip(prompts, found, strict=True):
-        rows.append({"text": text, "moments": [asdict(moment) for moment in moments]})
+        read = shared.say_reading(dictionary, text)
+        rows.append({"text": text, **read, "moments": [asdict(moment) for moment in moments]})
         for moment in moments:
             flags = f"\t({', '.join(moment.flags)})" if moment.flags else ""
             seconds = f"{moment.start:.2f}-{moment.end:.2f} s"

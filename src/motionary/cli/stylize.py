@@ -12,7 +12,7 @@ from motionary.cli.outputs import Outputs, add_outputs, variants
 
 
 def _arguments(add: argparse.ArgumentParser) -> None:
-    shared.add_files(add, ", of any length")
+    shared.add_files(add, ", of any length", rate="--source-fps")
     add.add_argument("--style", metavar="NAME", help="of the training clips; with neither style nor reference: random")
     add.add_argument("--reference", metavar="FILE", help="a motion in the wanted style, of a second or two at least")
     add.add_argument("--strength", type=float, default=1.0, help="0 keeps the motion, 1 is the whole style (1)")
@@ -36,7 +36,7 @@ def _run(options: argparse.Namespace) -> None:
     outputs = Outputs(options, (name for row in names for name in row))
     motions, reference = shared.read_files(options), None
     if options.reference is not None:
-        reference = read_motion(options.reference, fps=options.fps, **shared.reading(options))
+        reference = read_motion(options.reference, fps=options.source_fps, **shared.reading(options))
     dictionary = shared.open_models(options)
     keep = options.keep_rig and options.onto is None  # onto a third rig by way of the file's own would cost accuracy
     asked = (options.style, reference, options.n, options.seed, options.strength, keep, options.feet)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from motionary.corpus.encoding import as_motion, frames_of, planted
-from motionary.dictionary.folder import Folder
+from motionary.dictionary.prompted import Prompts
 from motionary.errors import check_whole
-from motionary.language import annotate, check_prompt
-from motionary.motion import Motion
+from motionary.motion import Motion, fit_rotations
 from motionary.systems.protocols import TextBlender
 from motionary.systems.registry import BLEND
 
 
-class Blending(Folder):
+class Blending(Prompts):
     """What a folder's systems make of two texts at once."""
 
     def blend(
@@ -33,9 +32,10 @@ class Blending(Folder):
         """
         check_whole("steps", steps, 2)
         check_whole("seed", seed, 0)
-        one, other = annotate([check_prompt(first, "first"), check_prompt(second, "second")])
+        (one,), (other,) = self._sentences(first, "first"), self._sentences(second, "second")
         blender: TextBlender = self._open(BLEND, system)
         frames = None if seconds is None else frames_of(seconds, blender.context)
         with self._lock:
             made = blender.blend(one, other, steps, frames, seed)
-        return planted([as_motion(features, blender.context) for features in made], feet)
+        motions = planted([as_motion(features, blender.context) for features in made], feet)
+        return [fit_rotations(motion) for motion in motions]

@@ -13,10 +13,9 @@ from motionary.dictionary.editing import Editing
 from motionary.dictionary.matches import Match
 from motionary.dictionary.places import usual_models
 from motionary.errors import InputError, check_whole
-from motionary.language import Sentence
 from motionary.motion import Motion
 from motionary.systems.protocols import CorpusSearch, MotionToText
-from motionary.systems.registry import ACT, EMBED, MOTION_TO_TEXT, SEARCH, STYLIZE, TEXT_TO_MOTION
+from motionary.systems.registry import ACT, MOTION_TO_TEXT, SEARCH, STYLIZE
 
 
 def load(models: str | Path | None = None, device: str = "auto") -> Dictionary:
@@ -104,7 +103,6 @@ class Dictionary(Editing):
         check_whole("k", k, 1)
         sentences = self._sentences(texts)
         retrieval: CorpusSearch = self._open(SEARCH, system)
-        sentences = self._corrected(sentences)
         with self._lock:
             queries, found = retrieval.judge.sentences(sentences), retrieval.search(sentences, k)
         rows = []
@@ -131,7 +129,7 @@ class Dictionary(Editing):
             sentences = self._sentences(texts)
             judge = self._judge(system)
             with self._lock:
-                return judge.sentences(self._corrected(sentences))
+                return judge.sentences(sentences)
         several = listed(motions, Motion, "motions")
         judge = self._judge(system)
         features = [encode(motion, judge.context) for motion in several]
@@ -260,12 +258,3 @@ class Dictionary(Editing):
         actor = self._open(ACT)
         with self._lock:
             return planted(between(actor, action, steps, seconds, seeds, scale), feet)
-
-    def read_as(self, text: str) -> str:
-        """The words that the systems read in a text: normalized, typos corrected, unknown ones marked."""
-        return self._corrected(self._sentences(text))[0].normalized
-
-    def _corrected(self, sentences: list[Sentence]) -> list[Sentence]:
-        """With typos corrected to words of the training captions."""
-        vocabulary = self.context(self.first_of(EMBED, TEXT_TO_MOTION, MOTION_TO_TEXT)).vocabulary
-        return [vocabulary.correct(sentence) for sentence in sentences]

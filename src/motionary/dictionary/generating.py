@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from motionary.corpus.context import Context
-from motionary.corpus.encoding import as_motion, frames_of, listed, planted
+from motionary.corpus.encoding import as_motion, frames_of, planted
 from motionary.dictionary import control
 from motionary.dictionary.blending import Blending
 from motionary.errors import InputError, check_whole
-from motionary.language import Sentence, annotate, check_prompt
-from motionary.motion import Motion
+from motionary.language import Sentence
+from motionary.motion import Motion, fit_rotations
 from motionary.motion.paths import checked_path
 from motionary.systems.protocols import TextToMotion
 from motionary.systems.registry import TEXT_TO_MOTION
@@ -56,7 +56,8 @@ class Generating(Blending):
             options: of sampling: temperature, top_k, top_p, guidance, greedy.
 
         Returns:
-            n motions; for several texts that are not joined a list of n motions for each.
+            n motions with rotations, bones of one length each; for several texts that are not joined a list of n
+            motions for each.
 
         Raises:
             InputError: a text that cannot be read, a value out of range, constraints that contradict each other or
@@ -79,7 +80,7 @@ class Generating(Blending):
         if join:
             rows = [[control.join([row[k] for row in rows], feet) for k in range(n)]]
         asked = (loop, path, keyframes, feet, generator.context)
-        rows = [[control.constrained(motion, *asked) for motion in row] for row in rows]
+        rows = [[fit_rotations(control.constrained(motion, *asked)) for motion in row] for row in rows]
         return rows[0] if join or isinstance(texts, str) else rows
 
     def _made(
@@ -101,9 +102,6 @@ class Generating(Blending):
             made = generator.generate([s for s in sentences for _ in range(n)], seeds, frames, **options)
         motions = planted([as_motion(features, context) for features in made], feet)
         return [motions[i : i + n] for i in range(0, len(motions), n)]
-
-    def _sentences(self, texts: str | Sequence[str]) -> list[Sentence]:
-        return annotate([check_prompt(text) for text in listed(texts, str, "text")])
 
 
 def _each(seconds: Any, texts: int) -> list[float] | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from motionary.corpus.encoding import as_motion, encode, listed
 from motionary.errors import InputError, check_whole
-from motionary.motion import Motion, resample
+from motionary.motion import Motion, fit_rotations, resample
 from motionary.motion.rigging import Rig, to_rig
 from motionary.systems.protocols import Made, MotionStylizer
 
@@ -93,7 +93,7 @@ def _reference(transfer: MotionStylizer, reference: Motion) -> np.ndarray:
 
 
 def _motions(transfer: MotionStylizer, made: Sequence[Made]) -> list[Motion]:
-    return [as_motion(features, transfer.context) for features in made]
+    return [fit_rotations(as_motion(features, transfer.context)) for features in made]
 
 
 def _seed(seed: int, variant: int) -> int:

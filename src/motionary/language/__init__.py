@@ -6,7 +6,9 @@ The tagger (spaCy) and the language model (transformers) load when first used, n
 from motionary.language.annotate import Sentence, annotate, sentence_from_tokens, tagged_tokens
 from motionary.language.frozen import PACKAGED, STATE_DIM, model_name, packaged_model, sentence_embeddings
 from motionary.language.lexicon import TAGS
+from motionary.language.meanings import Meanings
 from motionary.language.mirror import mirror_text
+from motionary.language.prompt_reading import PromptReading, read
 from motionary.language.states import TextStates
 from motionary.language.text import check_prompt
 from motionary.language.vectors import word_vectors
@@ -22,6 +24,8 @@ __all__ = [
     "STATE_DIM",
     "TAGS",
     "UNKNOWN",
+    "Meanings",
+    "PromptReading",
     "Sentence",
     "TextStates",
     "Vocabulary",
@@ -31,6 +35,7 @@ __all__ = [
     "mirror_text",
     "model_name",
     "packaged_model",
+    "read",
     "sentence_embeddings",
     "sentence_from_tokens",
     "tagged_tokens",

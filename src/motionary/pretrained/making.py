@@ -18,7 +18,7 @@ from motionary.files import atomic_folder
 from motionary.pretrained.catalogue import catalogued, write_catalogue
 from motionary.pretrained.fixed_sample import FixedSample
 from motionary.systems.io import CATALOGUE, CONFIG_FILE, copy_halved, model_hash, read_record
-from motionary.systems.judges.corpus_search import Index
+from motionary.systems.judges.corpus_search import Index, meanings_of
 from motionary.systems.registry import (
     EMBED,
     MOTION_TO_TEXT,
@@ -131,6 +131,7 @@ def _fill(folder: Path, run: Dictionary, names: Iterable[str], corpus: Corpus) -
             judge = model_hash(folder / next(iter(filled(name).values())))
             index = Index.load(run.models / name)
             Index(np.asarray(index.motions[rows], np.float16), judge).save(folder / name)
+            meanings_of(corpus).save(folder / name)
             write_catalogue(corpus, rows, folder / CATALOGUE)
             withheld[name] = [TEXT_TO_MOTION]
     return {"withheld": withheld}

@@ -15,7 +15,7 @@ import numpy as np
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.files import written_by
-from motionary.language import Sentence
+from motionary.language import Meanings, Sentence
 from motionary.nn.neighbors import nearest
 from motionary.systems.judges.judge import Judge
 from motionary.systems.requests import check_frames, check_seeds
@@ -52,6 +52,15 @@ class Index:
     def nearest(self, queries: np.ndarray, rows: np.ndarray, k: int = 1) -> np.ndarray:
         """(Q, k) of `rows`, nearest first, for (Q, E) query features."""
         return rows[nearest(queries, np.asarray(self.motions[rows]), k)]
+
+
+def meanings_of(corpus: Corpus) -> Meanings:
+    """What the words and captions of the training split mean, for words that are not among them."""
+    rows = corpus.rows("train", captioned=True)
+    said, captions = np.isin(corpus.captions.clip, rows[~corpus.added[rows]]), corpus.captions
+    texts = zip(captions.text[said], captions.words[said], captions.tags[said], strict=True)
+    distinct = {str(text): Sentence(str(text), tuple(words), tuple(tags)) for text, words, tags in texts}
+    return Meanings.of(corpus.context.vocabulary, list(distinct.values()))
 
 
 class Retrieval:
