@@ -89,7 +89,7 @@ def held_back(data: Path, count: int) -> list[tuple[Path, tuple[str, ...]]]:
     found = []
     for folder in ("cmu", "styled"):
         lines = [json.loads(line) for line in (data / folder / "clips.jsonl").read_text().splitlines()]
-        order = np.random.default_rng(1).permutation(len(lines))[600:]  # the first 600 set the limits
+        order = np.random.default_rng(1).permutation(len(lines))[850:]  # the first 850 set the limits
         for i in order[: count // 2]:
             said = (lines[i].get("action", ""), *(caption["text"] for caption in lines[i]["captions"]))
             found.append((data / folder / lines[i]["motion"], said))

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from motionary.corpus import preprocess as stage
+from motionary.corpus import tagging
 from motionary.corpus.preprocess import preprocess
 from motionary.corpus.sources import inventory
 
@@ -63,8 +63,8 @@ def test_a_text_that_the_tagger_fails_on(tmp_path, folder_of, monkeypatch):
             raise KeyError("cursed")
         return usual(texts)
 
-    usual = stage.annotate
-    monkeypatch.setattr(stage, "annotate", fragile)
+    usual = tagging.annotate
+    monkeypatch.setattr(tagging, "annotate", fragile)
     report = _built(root, tmp_path / "corpus")
     assert report["captions"] == 1
     assert any("KeyError" in row["value"] for row in report["problems"])

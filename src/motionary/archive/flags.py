@@ -68,7 +68,8 @@ def _own(clip: Told) -> Iterator[tuple[str, str]]:
         yield IDLE, f"no joint moves more than {100 * min(is_['reach'], is_['pose']):.0f} cm"
     if "slide" not in is_:
         return
-    if is_["noise"] > 0.0095 or (is_["roughness"] > 0.45 and is_["noise"] > 0.004):
+    noise, roughness = is_["noise"], is_["roughness"]  # who runs fast is noisy, but not rough
+    if (noise > 0.0095 and roughness > 0.32) or (noise > 0.004 and roughness > 0.45):
         yield JITTER, f"joints tremble by {1000 * is_['noise']:.0f} mm from frame to frame"
     if is_.get("turn", 0) > 75:
         yield FLIP, f"turns {is_['turn']:.0f} degrees at once at {is_['turn_at']:.2f} s"
@@ -76,7 +77,7 @@ def _own(clip: Told) -> Iterator[tuple[str, str]]:
         yield JUMP, f"the pelvis jumps {is_['jump']:.2f} m at {is_['jump_at']:.2f} s"
     elif is_["bone_jump"] > 0.12 or (is_.get("spike", 0) > 0.5 and is_["spikiness"] > 15):
         yield JUMP, f"a joint jumps {max(is_['spike'], is_['bone_jump']):.2f} m at {is_['spike_at']:.2f} s"
-    if is_["slide"] > 0.16 + 0.14 * max(0.0, is_["pace"] - 1):
+    if is_["slide"] > 0.18 + 0.18 * max(0.0, is_["pace"] - 1):
         yield SLIDING, f"no foot stands: the stillest joint slides at {is_['slide']:.2f} m/s"
 
 

@@ -16,7 +16,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from tqdm import tqdm
 
-from motionary.corpus.checks import unforeseen
 from motionary.corpus.clips import Caption, Clip, problem_rows
 from motionary.corpus.config import DataConfig
 from motionary.corpus.context import Context
@@ -24,14 +23,15 @@ from motionary.corpus.readings import ReadingCounts
 from motionary.corpus.sources import Source, open_sources
 from motionary.corpus.splits import SPLITS, split_clips
 from motionary.corpus.store import CAPTION_SCHEMA, CLIP_SCHEMA, MIRROR
+from motionary.corpus.tagging import tagged
 from motionary.corpus.tally import Tally
 from motionary.corpus.windows import Rule, Window
 from motionary.corpus.workers import Encoded, Recipe, clip_labels, encode_clip, in_order
-from motionary.corpus.writing import FrameWriter, RunningStatistics, group_deviation
+from motionary.corpus.writing import FrameWriter, RunningStatistics, group_deviation, list_files
 from motionary.errors import InputError
 from motionary.features import UNIT, codec
 from motionary.files import atomic_folder
-from motionary.language import Sentence, Vocabulary, annotate, mirror_text, sentence_from_tokens
+from motionary.language import Sentence, Vocabulary, mirror_text, sentence_from_tokens
 from motionary.motion import Skeleton
 
 
@@ -186,6 +186,7 @@ class _Build:
             digests.append(hashlib.sha256((self.folder / name).read_bytes()).hexdigest())
         report = self._report(kept) | {"hash": hashlib.sha256("".join(digests).encode()).hexdigest()}
         (self.folder / "report.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        list_files(self.folder)
         return report
 
     def _check(self) -> None:
@@ -198,27 +199,13 @@ class _Build:
 
     def _sentences(self, progress: bool) -> list[Sentence]:
         """Each caption normalized and tagged; a release's own tagged words are kept, but not for mirrored texts."""
-        texts = sorted({text for _, _, text in self.captions})
-        known: dict[str, Sentence] = {}
-        with tqdm(total=len(texts), desc="captions", unit="text", disable=not progress) as bar:
-            for i in range(0, len(texts), 1000):
-                part = texts[i : i + 1000]
-                known.update(zip(part, self._annotated(part), strict=True))
-                bar.update(len(part))
+        workers = self.config.workers or os.cpu_count() or 1
+        known, wrong = tagged([text for _, _, text in self.captions], workers, progress)
+        self.problems += wrong
         return [
             sentence_from_tokens(text, caption.tokens) if caption.tokens and text == caption.text else known[text]
             for _, caption, text in self.captions
         ]
-
-    def _annotated(self, texts: list[str]) -> list[Sentence]:
-        """Sentences of texts; one that no tagger can read has no words, and is a problem, after hours of encoding."""
-        try:
-            return annotate(texts)
-        except Exception as error:
-            if len(texts) > 1:
-                return [sentence for text in texts for sentence in self._annotated([text])]
-            self.problems.append(unforeseen(f"caption {texts[0]!r}", error))
-            return [Sentence(texts[0], (), ())]
 
     def _write_tables(self, kept: list[tuple[int, Caption, str, Sentence]]) -> None:
         table = pa.Table.from_pylist(self.rows, CLIP_SCHEMA)

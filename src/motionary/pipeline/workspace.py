@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from motionary.errors import InputError
-from motionary.files import atomic_folder, write_bytes
+from motionary.files import atomic_folder, write_bytes, written_by
 
 # Which stage writes a path that another stage reads; anything else under models/ is written by its namesake.
 _WRITERS = {"data/corpus": "preprocess", "data/sources": "source"}
+LISTED = "files.json"  # of a folder whose writer lists its files: their sizes and hashes
 
 
 @dataclass(frozen=True)
@@ -60,16 +61,40 @@ class Workspace:
 
 
 def content_hash(*paths: Path) -> str:
-    """Hash of files and of all files below folders: names and contents."""
+    """Hash of files and of all files below folders: names and contents.
+
+    A folder with a ``files.json`` (see :func:`motionary.corpus.writing.list_files`) is named by that list and not read,
+    as every stage, and every process of it, would do with the whole corpus.
+
+    Raises:
+        InputError: the files of such a folder are not those that its list says, or of another size.
+    """
     digest = hashlib.blake2b(digest_size=16)
     for path in paths:
-        files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+        if (path / LISTED).is_file():
+            _check_list(path)
+            files = [path / LISTED]
+        else:
+            files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
         for file in files:
             digest.update(str(file.relative_to(path.parent)).encode())
             with file.open("rb") as stream:
                 for block in iter(lambda: stream.read(1 << 22), b""):
                     digest.update(block)
     return digest.hexdigest()
+
+
+def _check_list(folder: Path) -> None:
+    """The files of a folder against its list, by name and size."""
+    with written_by(_WRITERS["data/corpus"], folder / LISTED):
+        listed = {name: int(told["bytes"]) for name, told in json.loads((folder / LISTED).read_text()).items()}
+    here = {p.relative_to(folder).as_posix(): p.stat().st_size for p in folder.rglob("*") if p.is_file()}
+    here.pop(LISTED)
+    for name in sorted({*listed, *here}):
+        if listed.get(name) != here.get(name):
+            found, told = (f"{sizes[name]:,} bytes" if name in sizes else "no such file" for sizes in (here, listed))
+            rule = f"{LISTED} says {told}; run `dvc repro {_WRITERS['data/corpus']}`"
+            raise InputError(folder / name, found, rule)
 
 
 def values_hash(values: Any) -> str:
