@@ -19,6 +19,7 @@ from motionary.cli import (
     fetch,
     generate,
     index,
+    inspect,
     search,
     stylize,
     view,
@@ -28,7 +29,22 @@ from motionary.errors import InputError, InputWarning
 
 COMMANDS = tuple(
     module.COMMAND
-    for module in (generate, edit, caption, stylize, act, search, index, convert, export, fetch, view, app, bundle)
+    for module in (
+        generate,
+        edit,
+        caption,
+        stylize,
+        act,
+        search,
+        index,
+        inspect,
+        convert,
+        export,
+        fetch,
+        view,
+        app,
+        bundle,
+    )
 )
 
 

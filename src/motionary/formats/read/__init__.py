@@ -20,6 +20,14 @@ READERS = {
     ".npy": "motionary.formats.read.arrays:npy_with",
     ".npz": "motionary.formats.read.arrays:npz_with",
 }
+# What other programs write, and the way to a file that is read.
+_CONVERTED = {
+    ".fbx": "in Blender File > Import > FBX, then File > Export > Motion Capture (.bvh), makes it one",
+    ".c3d": "it holds markers, not joints: solve them to a skeleton where they were recorded, and export BVH",
+    ".blend": "in Blender File > Export > Motion Capture (.bvh) makes it one",
+    ".trc": "it holds markers, not joints: solve them to a skeleton where they were recorded, and export BVH",
+    ".vmd": "MMD's motion belongs to its model: load both in Blender and export BVH",
+}
 _FORMAT_OPTIONS = ("fps", "skeleton", "asf")
 
 __all__ = ["READERS", "Reading", "ReadingOptions", "read_motion", "read_motion_warning", "read_motion_with"]
@@ -66,6 +74,8 @@ def read_motion_with(
 ) -> tuple[Motion, Reading]:
     """`read_motion`, and how the file was read; it warns of nothing (see `Reading.notes`), and `mapping` may be the
     options."""
+    if (extension := Path(path).suffix.lower()) in _CONVERTED:
+        raise InputError(path, extension, f"only {' '.join(READERS)} can be read; {_CONVERTED[extension]}")
     reader = function_of(path, READERS, "read")
     said = {key: value for key, value in options.items() if key not in _FORMAT_OPTIONS and value is not None}
     known = ReadingOptions.__dataclass_fields__
