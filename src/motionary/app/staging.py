@@ -8,7 +8,7 @@ import numpy as np
 
 from motionary.motion import Motion
 
-_GAP = 0.35  # metres at least between neighbours, at every moment
+_GAP = 0.5  # metres at least between neighbours, at every moment
 _RATE = 10.0  # moments per second at which they are compared
 _CALM = 0.8  # seconds over which what is followed is averaged
 _SEEN_FROM = np.array([0.35, 0.28, 1.0]) / np.linalg.norm([0.35, 0.28, 1.0])
