@@ -14,13 +14,14 @@ from motionary.systems.judges.judge import Judge
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
 @run_stage
 def main(config):
-    """data/corpus, models/evaluator -> models/retrieval, reports/retrieval.json"""
+    """data/corpus, models/<evaluator> -> models/retrieval, reports/retrieval.json"""
     with Stage("retrieval", config, ROOT) as stage:
         corpus = Corpus.open(stage.input("data/corpus"))
+        name = stage.section["evaluator"]
         judge = Judge(trained_inputs(stage).path("evaluator"), batch_size=stage.section["batch_size"])
         motions = judge.motions([corpus.features(i) for i in range(len(corpus))], progress="embed")
         with stage.publish("models/retrieval") as folder:
-            Index(motions, judge.hash).save(folder)
+            Index(motions, judge.hash, name).save(folder)
             meanings_of(corpus).save(folder)
         copies = copy_statistics(corpus)
         stage.report({"windows": len(corpus), "judge": judge.hash, "copies": copies})

@@ -16,10 +16,13 @@ from shell import call
 
 import motionary
 from motionary.corpus.demo import demo_clip
+from motionary.corpus.store import Corpus
 from motionary.dictionary import places
 from motionary.errors import InputError
 from motionary.pretrained import make_bundle, making
 from motionary.pretrained.fixed_sample import FixedSample
+from motionary.systems.judges.corpus_search import Index
+from motionary.systems.judges.judge import Judge
 from motionary.systems.registry import TEXT_TO_MOTION
 
 TEXTS = ["a person walks forward", "somebody waves with the left hand"]
@@ -60,6 +63,22 @@ def test_it_holds_what_answers_and_what_that_asks_for(bundle, packed):
     assert {Path(name).suffix for name in files} == {".json", ".safetensors", ".npy", ".npz", ".parquet", ".md"}
     assert not any("frames" in name for name in files)
     assert sum((bundle / name).stat().st_size for name in files) < making.MOST_BYTES
+
+
+def test_search_in_the_space_of_the_small_judge_leaves_the_large_one_out(pipeline, run, tmp_path):
+    project = tmp_path / "project"
+    shutil.copytree(pipeline, project)
+    corpus = Corpus.open(project / "data/corpus")
+    judge = Judge(project / "models/joint_evaluator")
+    motions = judge.motions([corpus.features(i) for i in range(len(corpus))])
+    Index(motions, judge.hash, "joint_evaluator").save(project / "models/retrieval")
+    made = make_bundle(project / "models", tmp_path / "small", generator="text2token", without=["evaluator"])
+    assert "evaluator" not in made["systems"]
+    small, whole = motionary.load(tmp_path / "small", "cpu"), motionary.load(project / "models", "cpu")
+    training = set(corpus.clips.id[corpus.rows("train", captioned=True)])
+    found = [match.id for match in whole.search(TEXTS[0], k=len(corpus)) if match.id in training]
+    assert [match.id for match in small.search(TEXTS[0], k=3)] == found[:3]
+    assert small.embed(texts=TEXTS).shape == (2, motions.shape[1])
 
 
 def test_weights_take_half_the_bytes_and_answer_alike(bundle, packed, run, pipeline):

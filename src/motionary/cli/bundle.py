@@ -15,6 +15,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--out", metavar="FOLDER", help="the new folder (that of the packaged models)")
     add.add_argument("--generator", metavar="NAME", help="the system that makes motions of text (the usual one)")
     add.add_argument("--also", nargs="+", default=[], metavar="NAME", help="further systems to take")
+    add.add_argument("--without", nargs="+", default=[], metavar="NAME", help="systems to leave out, such as a judge")
     add_force(add, "a bundle that is there")
     shared.add_json(add)
 
@@ -25,7 +26,8 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.pretrained.making import CARD, make_bundle
 
     out = options.out or PACKAGED
-    made = make_bundle(options.trained, out, generator=options.generator, also=options.also, force=options.force)
+    chosen = {"generator": options.generator, "also": options.also, "without": options.without}
+    made = make_bundle(options.trained, out, **chosen, force=options.force)
     told = f"{out}: {', '.join(made['systems'])}; {made['bytes'] / 1e6:.1f} MB; {CARD} says what they are"
     print(json.dumps(made, indent=1) if options.json else told)
 

@@ -39,10 +39,10 @@ class Folder:
 
     def context(self, system: str) -> Context:
         """What a system knows of its data: skeleton, rate, codec, vocabulary."""
-        from motionary.systems.io import CONFIG_FILE, read_record
+        from motionary.systems.io import CONFIG_FILE, read_record, roles
 
         # What brings no config of its own knows what the system knows in whose space it lives.
-        names = served_by([system])[::-1]
+        names = served_by([system], lambda name: roles(self.models / name))[::-1]
         name = next((n for n in names if (self.models / n / CONFIG_FILE).is_file()), None)
         if name is None:
             raise self._absent(next((n for n in names if n not in self.systems), system))

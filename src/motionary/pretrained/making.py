@@ -17,7 +17,7 @@ from motionary.errors import InputError
 from motionary.files import atomic_folder
 from motionary.pretrained.catalogue import catalogued, write_catalogue
 from motionary.pretrained.fixed_sample import FixedSample
-from motionary.systems.io import CATALOGUE, CONFIG_FILE, copy_halved, model_hash, read_record
+from motionary.systems.io import CATALOGUE, CONFIG_FILE, copy_halved, model_hash, roles
 from motionary.systems.judges.corpus_search import Index, meanings_of
 from motionary.systems.registry import (
     EMBED,
@@ -25,11 +25,10 @@ from motionary.systems.registry import (
     SEARCH,
     TEXT_TO_LENGTH,
     TEXT_TO_MOTION,
-    filled,
     find,
     judges,
-    served_by,
 )  # fmt: skip
+from motionary.systems.serving import served_by
 
 MOST_BYTES = 25_000_000
 CARD, SAMPLE = "CARD.md", "sample.npz"
@@ -42,6 +41,7 @@ def make_bundle(
     *,
     generator: str | None = None,
     also: Iterable[str] = (),
+    without: Iterable[str] = (),
     force: bool = False,
 ) -> dict[str, Any]:
     """Write the systems that answer, from a trained run, as a bundle that :func:`motionary.load` opens.
@@ -55,6 +55,7 @@ def make_bundle(
         out: the new folder; it appears whole or not at all.
         generator: the text-to-motion system that answers; None takes the usual one.
         also: names of further systems to take.
+        without: names of systems that are left out, such as a second judge where both would be too large.
         force: replace a bundle that is there.
 
     Returns:
@@ -65,9 +66,12 @@ def make_bundle(
     """
     out, run = _free(Path(out), force), load(models)
     corpus = Corpus.open(run.models.parent / "data" / "corpus")
-    usual = {offer: run.offering(offer)[0] for offer in ANSWERING if run.offering(offer)}
+    left = set(without)
+    able = {offer: [name for name in run.offering(offer) if name not in left] for offer in ANSWERING}
+    usual = {offer: names[0] for offer, names in able.items() if names}
     usual |= {} if generator is None else {TEXT_TO_MOTION: _able(run, generator)}
-    names = systems_of(run, (*usual.values(), *(name for name in judges() if name in run.systems), *also))
+    judging = [name for name in judges() if name in run.systems and name not in left]
+    names = systems_of(run, (*usual.values(), *judging, *also))
     with atomic_folder(out) as folder:
         manifest = _fill(folder, run, names, corpus)
         (folder / BEST).write_text(json.dumps(usual, indent=1) + "\n", encoding="utf-8")
@@ -86,7 +90,7 @@ def make_bundle(
 
 def systems_of(run: Dictionary, names: Iterable[str]) -> tuple[str, ...]:
     """These systems and all that they ask for when they answer, by the run's own configurations."""
-    found = served_by(list(dict.fromkeys(names)), lambda name: _config(run.models / name))
+    found = served_by(list(dict.fromkeys(names)), lambda name: roles(run.models / name))
     for name in found:
         if name not in run.systems:
             raise InputError("system", name, f"not part of {run.models}")
@@ -115,10 +119,6 @@ def _able(run: Dictionary, generator: str) -> str:
     return generator
 
 
-def _config(folder: Path) -> Mapping[str, Any]:
-    return read_record(folder)["config"] if (folder / CONFIG_FILE).is_file() else {}
-
-
 def _fill(folder: Path, run: Dictionary, names: Iterable[str], corpus: Corpus) -> dict[str, Any]:
     """Copies the systems; of one that looks things up in the corpus its index. Returns what those cannot do here."""
     withheld = {}
@@ -128,9 +128,9 @@ def _fill(folder: Path, run: Dictionary, names: Iterable[str], corpus: Corpus) -
                 copy_halved(record.parent, folder / record.parent.relative_to(run.models))
         else:
             rows = catalogued(corpus)
-            judge = model_hash(folder / next(iter(filled(name).values())))
             index = Index.load(run.models / name)
-            Index(np.asarray(index.motions[rows], np.float16), judge).save(folder / name)
+            judge = model_hash(folder / index.judge)
+            Index(np.asarray(index.motions[rows], np.float16), judge, index.judge).save(folder / name)
             meanings_of(corpus).save(folder / name)
             write_catalogue(corpus, rows, folder / CATALOGUE)
             withheld[name] = [TEXT_TO_MOTION]

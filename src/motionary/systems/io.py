@@ -16,11 +16,12 @@ from torch import nn
 
 from motionary.corpus.context import Context
 from motionary.errors import InputError
-from motionary.files import atomic_file
+from motionary.files import atomic_file, written_by
 from motionary.systems.registry import TELLS, System, find, known
 from motionary.systems.renamed import with_new_names
 
 WEIGHTS, CONFIG_FILE = "model.safetensors", "config.json"
+ROLES = "index.json"  # of a system without weights: whose space its index lies in
 CATALOGUE = "corpus"  # folder beside the systems of a bundle: what was said of the corpus's windows, without motions
 
 
@@ -108,6 +109,18 @@ def load_model(folder: str | Path, device: str | torch.device = "cpu") -> nn.Mod
         rule = f"must be the weights that belong to config.json{_again(folder / WEIGHTS)}"
         raise InputError(folder / WEIGHTS, error, rule) from None
     return model.to(device).eval()
+
+
+def roles(folder: str | Path) -> dict[str, Any]:
+    """What a trained system says of the systems in its roles, for `registry.filled`: the keys of its config, or, where
+    it has no weights, those of its index; none where nothing is trained."""
+    folder = Path(folder)
+    if (folder / CONFIG_FILE).is_file():
+        return read_record(folder)["config"]
+    if not (folder / ROLES).is_file():
+        return {}
+    with written_by(folder.name, folder / ROLES):
+        return dict(json.loads((folder / ROLES).read_text()).get("roles", {}))
 
 
 def _again(path: Path) -> str:

@@ -17,6 +17,7 @@ from motionary.errors import InputError
 from motionary.files import written_by
 from motionary.language import Meanings, Sentence
 from motionary.nn.neighbors import nearest
+from motionary.systems.io import ROLES, roles
 from motionary.systems.judges.judge import Judge
 from motionary.systems.requests import check_frames, check_seeds
 
@@ -27,27 +28,30 @@ class Index:
     Attributes:
         motions: (N, E) float32, one row per window of the corpus.
         evaluator: hash of the evaluator that made them.
+        judge: its name.
     """
 
-    def __init__(self, motions: np.ndarray, evaluator: str):
-        self.motions, self.evaluator = motions, evaluator
+    def __init__(self, motions: np.ndarray, evaluator: str, judge: str = "evaluator"):
+        self.motions, self.evaluator, self.judge = motions, evaluator, judge
 
     def save(self, folder: Path) -> None:
         """Writes motions.npy and index.json."""
         folder.mkdir(parents=True, exist_ok=True)
         np.save(folder / "motions.npy", self.motions)
-        (folder / "index.json").write_text(json.dumps({"evaluator": self.evaluator}) + "\n")
+        about = {"evaluator": self.evaluator, "roles": {"evaluator": self.judge}}
+        (folder / ROLES).write_text(json.dumps(about) + "\n")
 
     @classmethod
     def load(cls, folder: Path) -> Index:
         """Reads what :meth:`save` wrote."""
-        if not (folder / "index.json").exists():
+        if not (folder / ROLES).exists():
             raise InputError(folder, "missing", "run `dvc repro retrieval` first")
-        with written_by("retrieval", folder / "index.json"):
-            evaluator = str(json.loads((folder / "index.json").read_text())["evaluator"])
+        with written_by("retrieval", folder / ROLES):
+            about = json.loads((folder / ROLES).read_text())
+            made_by = str(about["evaluator"]), roles(folder).get("evaluator", "evaluator")
         with written_by("retrieval", folder / "motions.npy"):
             motions = np.load(folder / "motions.npy", mmap_mode="r")
-            return cls(motions if motions.dtype == np.float32 else motions.astype(np.float32), evaluator)
+            return cls(motions if motions.dtype == np.float32 else motions.astype(np.float32), *made_by)
 
     def nearest(self, queries: np.ndarray, rows: np.ndarray, k: int = 1) -> np.ndarray:
         """(Q, k) of `rows`, nearest first, for (Q, E) query features."""

@@ -76,4 +76,5 @@ def open_retrieval(trained: Trained, name: str) -> Retrieval:
 
     own = trained.folder / CATALOGUE
     corpus = Corpus.open(own, motions=False) if own.is_dir() else Corpus.open(trained.folder.parent / "data" / "corpus")
-    return Retrieval(corpus, open_judge(trained, "evaluator"), Index.load(trained.path(name)))
+    index = Index.load(trained.path(name))
+    return Retrieval(corpus, open_judge(trained, index.judge), index)
