@@ -290,3 +290,33 @@ def test_an_array_of_the_layouts_own_body_keeps_its_skeleton(tmp_path):
     motion = demo_clip(3)[0]
     motion.save(tmp_path / "a.npy")
     assert read_motion(tmp_path / "a.npy").skeleton == Skeleton.named("smpl22")
+
+
+@pytest.mark.parametrize("name", ["smpl22", "kit21"])
+@pytest.mark.parametrize("batch", [False, True])
+def test_released_features_are_read_as_motions(tmp_path, name, batch):
+    """(T, 263) on smpl22 at 20 fps, (T, 251) on kit21 at 12.5 fps, each also in a batch of one."""
+    from motionary.features import HumanML3D
+    from motionary.motion import canonicalize, retarget
+
+    skeleton = Skeleton.named(name)
+    rate = {"smpl22": 20.0, "kit21": 12.5}[name]
+    motion = canonicalize(retarget(demo_clip(4, fps=rate)[0], skeleton))
+    features = HumanML3D(skeleton).encode(motion)
+    assert features.shape[1] == {"smpl22": 263, "kit21": 251}[name]
+    np.save(tmp_path / "a.npy", features[None] if batch else features)
+    again, reading = read_motion_with(tmp_path / "a.npy")
+    assert again.skeleton == skeleton
+    assert (again.fps, again.frames, reading.up, reading.mirrored) == (rate, len(features), "y", False)
+    # The released KIT features begin with the back to +z.
+    np.testing.assert_allclose(canonicalize(again).positions, motion.positions[:-1], atol=5e-3)
+
+
+@pytest.mark.parametrize("joints", [24, 52])
+def test_npz_with_positions_of_smpl_keeps_the_body(tmp_path, motion, joints):
+    hands = motion.positions[:, [20, 21] * 15] + 0.01
+    array = np.concatenate([motion.positions, hands[:, : joints - 22]], axis=1)
+    np.savez(tmp_path / "a.npz", positions=array, fps=25.0)
+    again = read_motion(tmp_path / "a.npz")
+    assert (again.fps, again.skeleton) == (25.0, Skeleton.named("smpl22"))
+    np.testing.assert_array_equal(again.positions, motion.positions)
