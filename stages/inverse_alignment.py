@@ -18,8 +18,8 @@ def main(config):
         corpus = Corpus.open(stage.input("data/corpus"))
         model, settings = build(stage, corpus.context), stage.training()
         tokens = TokenStore.load(stage.input(f"models/{model.config.tokenizer}"))
-        data = Pairs(corpus, "train", tokens, motion=False, sources=model.sources, **stage.data)
-        validation = Pairs(corpus, "val", tokens, all_captions=True, motion=False, sources=model.sources)
+        data = Pairs(corpus, "train", tokens, motion=False, **model.reads, **stage.data)
+        validation = Pairs(corpus, "val", tokens, all_captions=True, motion=False, **model.reads)
 
         history = train(stage, model, data, validation, settings, length_sorted=True)
         with stage.publish("models/inverse_alignment") as folder:

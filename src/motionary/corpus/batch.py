@@ -102,6 +102,12 @@ class SourcedBatch(TokenBatch, Protocol):
     source: Tensor
 
 
+class AlignedBatch(SourcedBatch, Protocol):
+    """`said` (B, N) are the captions' words as they were written, START .. END, then PAD; only where they are read."""
+
+    said: Tensor
+
+
 class CaptionBatch(SourcedBatch, PairBatch, Protocol):
     """Captions with what they describe; the loss reads the tokens or the features, whichever its model was made for."""
 
@@ -129,6 +135,7 @@ class Batch:
     text_key: Tensor = field(default_factory=_left_out)
     caption: Tensor = field(default_factory=_left_out)
     source: Tensor = field(default_factory=_left_out)
+    said: Tensor = field(default_factory=_left_out)
     tokens: Tensor = field(default_factory=_left_out)
     token_count: Tensor = field(default_factory=_left_out)
     states: Tensor = field(default_factory=_left_out)

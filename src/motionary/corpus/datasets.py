@@ -97,6 +97,7 @@ class Pairs:
         written: gives the captions' words as they were written, in this vocabulary, in place of normalized ones.
         most_captions: of a clip that are drawn, its first ones; 0 takes all.
         sources: adds the source of each caption, as its position here.
+        said: adds the captions' words as they were written, in this vocabulary, beside the normalized ones.
     """
 
     def __init__(
@@ -116,6 +117,7 @@ class Pairs:
         written: Vocabulary | None = None,
         most_captions: int = 0,
         sources: Sequence[str] = (),
+        said: Vocabulary | None = None,
     ):
         stores = () if tokens is None else (tokens,) if isinstance(tokens, TokenStore) else tuple(tokens)
         for store in stores:
@@ -146,6 +148,7 @@ class Pairs:
         self.weights = self.drawn.times(balanced(corpus.clips.group[rows], balance))
         self.words, self.tags, self.word_count = encode_captions(corpus, max_words, written)
         self.source = source_ids(corpus, sources) if sources else None
+        self.said = None if said is None else encode_captions(corpus, max_words, said)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -177,6 +180,9 @@ class Pairs:
         )
         if self.source is not None:
             batch.source = _long(self.source[caption])
+        if self.said is not None:
+            said, _, length = self.said
+            batch.said = _long(said[caption, : length[caption].max()])
         if self.with_motion:
             offset = self.corpus.clips.offset[rows] + shift + start
             batch.motion = torch.from_numpy(gather(self.corpus.frames, offset, count, int(count.max())))
@@ -191,6 +197,9 @@ def _rows(corpus: Corpus, split: str, captioned: bool | None) -> np.ndarray:
     rows = corpus.rows(split, captioned)
     if not len(rows):
         kind = "captioned windows" if captioned else "windows"
+        if captioned and not len(corpus.captions):
+            rule = "this learns from captions, and the corpus has none; `make repro` trains what needs none"
+            raise InputError(corpus.folder, "no caption", rule)
         raise InputError(corpus.folder, split, f"split has no {kind}; add clips or change data.ratios or data.seed")
     return rows
 

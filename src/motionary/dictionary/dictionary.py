@@ -57,7 +57,7 @@ class Dictionary(Editing):
         consensus: int = 0,
         source: str | None = None,
     ) -> list[Any]:
-        """Sentences that describe a motion, as normalized words.
+        """Sentences that describe a motion, as people write them unless the captioner learned normalized words.
 
         Args:
             motions: one or several, on any rig and at any rate; of a longer one the first ten seconds are read.

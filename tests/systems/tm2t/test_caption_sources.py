@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
 from motionary.corpus.batches import Batches, Pairs
-from motionary.corpus.caption_words import caption_sources
+from motionary.corpus.caption_words import caption_sources, captions_vocabulary
 from motionary.corpus.preprocess import preprocess
 from motionary.corpus.store import Corpus
 from motionary.dictionary.dictionary import Dictionary
@@ -63,9 +64,11 @@ def corpus(tmp_path_factory) -> Corpus:
 def captioner(corpus) -> Captioner:
     """Trained on both sources until it knows them by heart."""
     sources = caption_sources(corpus, "people")
+    written = captions_vocabulary(corpus)
+    context = replace(corpus.context, vocabulary=written)
     with seeded(0):
-        net = Motion2Text(Motion2TextConfig(8, sources=sources, **SMALL), corpus.context)
-        data = Pairs(corpus, "train", drop_unit=0, all_captions=True, sources=sources)
+        net = Motion2Text(Motion2TextConfig(8, wording="written", sources=sources, **SMALL), context)
+        data = Pairs(corpus, "train", drop_unit=0, all_captions=True, sources=sources, written=written)
         optimizer, generator = torch.optim.Adam(net.parameters(), 5e-3), torch.Generator()
         for epoch in range(100):
             for batch in Batches(data, 16, seed=1).epoch(epoch):
@@ -77,9 +80,9 @@ def captioner(corpus) -> Captioner:
 
 
 def expected(corpus: Corpus, row: int, source: str) -> str:
-    """The normalized caption of a window that comes from a source."""
+    """The caption of a window that comes from a source, as it was written."""
     (caption,) = [c for c in corpus.captions_of(row) if corpus.captions.source[c] == source]
-    return " ".join(corpus.captions.words[caption])
+    return str(corpus.captions.text[caption])
 
 
 def test_each_tag_gives_the_wording_of_its_source(corpus, captioner):
@@ -94,7 +97,7 @@ def test_each_tag_gives_the_wording_of_its_source(corpus, captioner):
 
 
 def test_a_dictionary_says_it_in_the_words_of_a_source(corpus, captioner, tmp_path):
-    save_model(tmp_path / "motion2text", "motion2text", captioner.members[0], corpus.context)
+    save_model(tmp_path / "motion2text", "motion2text", captioner.members[0], captioner.context)
     dictionary, row = Dictionary(tmp_path), int(corpus.rows("train")[0])
     motion = corpus.motion(row)
     assert dictionary.caption(motion, source="index") == [expected(corpus, row, "index")]
@@ -127,6 +130,25 @@ def test_a_captioner_of_one_source_is_what_it_was(corpus):
     assert plain.source_of(batch)[0].shape[1] == batch.motion.shape[1]
 
 
+def test_inverse_alignment_reads_what_people_wrote_and_writes_tokens_for_normalized_words(corpus):
+    written = captions_vocabulary(corpus)
+    with seeded(0):
+        settings = {**SMALL, "tokens": True, "wording": "written"}
+        reader = Motion2Text(Motion2TextConfig(8, **settings), replace(corpus.context, vocabulary=written))
+        config = InverseAlignmentConfig(8, word_dim=8, text_width=8, width=8)
+        model = InverseAlignment(config, corpus.context).eval()
+    model.learn_from(reader)
+    data = Pairs(corpus, "train", drop_unit=0, motion=False, all_captions=True, **model.reads)
+    batch = data.collate(np.arange(4), np.random.default_rng(0))
+    texts = [corpus.captions.text[caption] for caption in batch.caption]
+    assert [written.decode(row) for row in batch.said.numpy()] == texts
+    assert [corpus.context.vocabulary.decode(row) for row in batch.words.numpy()] != texts
+    before = model.caption_loss(batch, torch.Generator().manual_seed(0))[0].detach()
+    batch.said = batch.said.flip(0)
+    after = model.caption_loss(batch, torch.Generator().manual_seed(0))[0].detach()
+    assert abs(float(before) - float(after)) > 1e-4  # the same samples, read as other words
+
+
 def test_inverse_alignment_reads_each_caption_under_its_own_tag(corpus):
     with seeded(0):
         reader = Motion2Text(
@@ -135,8 +157,8 @@ def test_inverse_alignment_reads_each_caption_under_its_own_tag(corpus):
         config = InverseAlignmentConfig(8, word_dim=8, text_width=8, width=8, sampled_share=0.5)
         model = InverseAlignment(config, corpus.context).eval()
     model.learn_from(reader)
-    assert model.sources == ("people", "index")
-    data = Pairs(corpus, "train", drop_unit=0, motion=False, all_captions=True, sources=model.sources)
+    assert model.reads == {"sources": ("people", "index"), "said": None}
+    data = Pairs(corpus, "train", drop_unit=0, motion=False, all_captions=True, **model.reads)
     batch = data.collate(np.arange(4), np.random.default_rng(0))
     assert batch.source.tolist() == [1, 0, 1, 0]  # every clip's index phrase comes first
 

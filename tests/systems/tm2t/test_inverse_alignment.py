@@ -164,8 +164,6 @@ def test_what_cannot_be_aligned_is_refused(context):
         InverseAlignmentConfig(CODES, sampled_share=0.0)
     with pytest.raises(InputError, match="motion2text"):
         model(context).learn_from(reader(context, tokens=False))
-    with pytest.raises(InputError, match=r"motion2text\.wording: written: must be normalized"):
-        model(context).learn_from(reader(context, wording="written"))
 
 
 def test_the_caption_loss_falls_when_only_it_is_trained(context):

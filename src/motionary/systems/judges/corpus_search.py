@@ -15,7 +15,7 @@ import numpy as np
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.files import written_by
-from motionary.language import Meanings, Sentence
+from motionary.language import Meanings, Sentence, as_written
 from motionary.nn.neighbors import nearest
 from motionary.systems.io import ROLES, roles
 from motionary.systems.judges.judge import Judge
@@ -70,7 +70,8 @@ def meanings_of(corpus: Corpus) -> Meanings:
 class Retrieval:
     """Answers by copying from the training split (and searches every split for the dictionary)."""
 
-    takes_lengths = draws = written = False
+    takes_lengths = draws = False
+    written = True
     sources: tuple[str, ...] = ()
 
     def __init__(self, corpus: Corpus, judge: Judge, index: Index):
@@ -104,10 +105,11 @@ class Retrieval:
         return motions
 
     def caption(self, features: Sequence[np.ndarray], beams: int = 2, n: int = 1, **options) -> list[list[str]]:
-        """The normalized captions of the nearest training motions."""
+        """The captions of the nearest training motions, in the words of :func:`as_written`."""
         found = self.index.nearest(self.judge.motions(features), self.training, k=n)
         return [
-            [" ".join(self.corpus.captions.words[self.corpus.caption_start[row]]) for row in rows] for rows in found
+            [" ".join(as_written(str(self.corpus.captions.text[self.corpus.caption_start[row]])).words) for row in rows]
+            for rows in found
         ]
 
     def search(self, sentences: Sequence[Sentence], k: int = 5) -> np.ndarray:

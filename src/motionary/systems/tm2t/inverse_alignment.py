@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, cast
+from typing import Any, ClassVar, cast
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from motionary.corpus.batch import SourcedBatch
+from motionary.corpus.batch import AlignedBatch
 from motionary.corpus.context import Context
 from motionary.errors import HEAVIEST, InputError, check_range
 from motionary.systems.tm2t.motion2text import Motion2Text
@@ -46,7 +46,8 @@ class InverseAlignment(Text2Token):
     """A :class:`Text2Token` whose samples must be captioned with the words they were made from.
 
     `reader` is the frozen motion2text. It belongs to training only: it is no part of the saved weights, and its own
-    weights take no gradient.
+    weights take no gradient. Where it learned words as people write them it reads each caption's, while the normalized
+    ones make the tokens; the paper has normalized words for both.
     """
 
     config: InverseAlignmentConfig
@@ -56,21 +57,23 @@ class InverseAlignment(Text2Token):
         self._reader: tuple[Motion2Text, ...] = ()  # a tuple, so that it is not registered as a submodule
 
     @property
-    def sources(self) -> tuple[str, ...]:
-        """Sources of captions that the reader knows."""
-        return self._reader[0].config.sources if self._reader else ()
+    def reads(self) -> dict[str, Any]:
+        """What the reader needs of captions beside their normalized words, as keywords of `Pairs`."""
+        if not self._reader:
+            return {}
+        config, context = self._reader[0].config, self._reader[0].context
+        return {"sources": config.sources, "said": context.vocabulary if config.wording == "written" else None}
 
     def learn_from(self, reader: Motion2Text) -> None:
         """Freeze `reader` and use it for the second term."""
         if reader.config.codebook_size != self.config.codebook_size or not reader.config.tokens:
             raise InputError("models/motion2text", reader.config, "must read the tokens of the same tokenizer")
-        if reader.config.wording != "normalized":
-            raise InputError("motion2text.wording", reader.config.wording, "must be normalized to teach text2token")
-        if reader.context.vocabulary.words != self.context.vocabulary.words:
+        normalized = reader.config.wording == "normalized"
+        if normalized and reader.context.vocabulary.words != self.context.vocabulary.words:
             raise InputError("models/motion2text", "vocabulary", "must be that of text2token")
         self._reader = (reader.eval().requires_grad_(False),)
 
-    def loss(self, batch: SourcedBatch, progress: float, generator: torch.Generator) -> Loss:
+    def loss(self, batch: AlignedBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 7: the tokens' loss plus the loss of the captions given the sampled tokens."""
         loss, logs = super().loss(batch, progress, generator)
         if not self.config.alignment:
@@ -79,7 +82,7 @@ class InverseAlignment(Text2Token):
         total = loss + self.config.caption_weight * caption
         return total, {**logs, "caption_nll": caption.detach(), "sampled_tokens": length}
 
-    def validate(self, batch: SourcedBatch) -> dict[str, Tensor]:
+    def validate(self, batch: AlignedBatch) -> dict[str, Tensor]:
         """The tokens' loss and, with fixed noise, the captions'; "loss" is what is trained.
 
         The control is read too where there is a reader, so that both can be compared by the captions' loss.
@@ -92,7 +95,7 @@ class InverseAlignment(Text2Token):
         total = values["loss"] + self.config.caption_weight * caption if self.config.alignment else values["loss"]
         return {"loss": total, "token_nll": values["loss"], "caption_nll": caption}
 
-    def caption_loss(self, batch: SourcedBatch, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    def caption_loss(self, batch: AlignedBatch, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Mean loss per word of the captions, given tokens that this model samples for them; and their mean length.
 
         Gradients reach this model through the one-hot samples and, for the choice of the end, through the sequence
@@ -112,7 +115,8 @@ class InverseAlignment(Text2Token):
         )  # fmt: skip
         source, mask = self._as_source(samples, start)  # (R, S + 1, K + 3), (R, S + 1)
         reader = self._reader[0].to(words.device)
-        losses, valid = reader.nll(*reader.tagged(reader.embed(source), mask, batch), words)  # (R, N - 1) both
+        said = words if reader.config.wording == "normalized" else batch.said[rows]
+        losses, valid = reader.nll(*reader.tagged(reader.embed(source), mask, batch), said)  # (R, N - 1) both
         return losses.sum() / valid.sum(), mask.sum(1).float().mean() - 2  # without start and end
 
     def _as_source(self, samples: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
