@@ -11,7 +11,8 @@ from motionary.bench.shapes import Shapes
 from motionary.bench.workload import Case, Work, noise, training_step
 from motionary.corpus.context import Context
 from motionary.features import UNIT
-from motionary.language import STATE_DIM, Sentence
+from motionary.language import STATE_DIM, Sentence, TextStates
+from motionary.language.frozen import state_dim
 from motionary.systems.masked.masked_generator import MaskedGenerator, MaskedGeneratorConfig
 from motionary.systems.masked.residual_tokenizer import ResidualTokenizer, ResidualTokenizerConfig
 
@@ -56,7 +57,14 @@ def masked_texts(count: int = 0) -> Callable[[Shapes], Work]:
         text = "a person walks forward slowly and then waves with the left hand"
         sentences = [Sentence(f"{text} {k}", tuple(text.split()), ("NOUN",) * 12) for k in range(number)]
         frames = [shapes.masked_tokens * UNIT] * number
-        return Work(lambda: filler.generate(sentences, list(range(number)), frames))
+        state_dim()  # the language model is loaded once for a process
+
+        def run() -> None:
+            """The texts as new ones, whose states are not remembered."""
+            filler.states = TextStates()
+            filler.generate(sentences, list(range(number)), frames)
+
+        return Work(run)
 
     return prepare
 

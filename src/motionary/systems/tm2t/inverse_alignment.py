@@ -68,6 +68,9 @@ class InverseAlignment(Text2Token):
         """Freeze `reader` and use it for the second term."""
         if reader.config.codebook_size != self.config.codebook_size or not reader.config.tokens:
             raise InputError("models/motion2text", reader.config, "must read the tokens of the same tokenizer")
+        if reader.config.token_layers != 1:
+            rule = "must be 1 to teach text2token, which writes the base of tokens in layers"
+            raise InputError("motion2text.token_layers", reader.config.token_layers, rule)
         normalized = reader.config.wording == "normalized"
         if normalized and reader.context.vocabulary.words != self.context.vocabulary.words:
             raise InputError("models/motion2text", "vocabulary", "must be that of text2token")

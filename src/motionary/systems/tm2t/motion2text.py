@@ -32,6 +32,7 @@ class Motion2TextConfig:
     codebook_size: int
     tokenizer: str = "tokenizer"
     tokens: bool = True
+    token_layers: int = 1
     pose_frames: int = 1
     width: int = 512
     num_layers: int = 4
@@ -53,6 +54,7 @@ class Motion2TextConfig:
             raise InputError("motion2text.wording", self.wording, f"must be one of {', '.join(WORDINGS)}")
         object.__setattr__(self, "sources", tuple(self.sources))  # JSON knows lists alone
         sizes, stacks = ("width", "dim_feedforward", "num_heads"), ("num_layers", "pose_frames", "offsets", "ensemble")
+        stacks += ("token_layers",)
         check_range("motion2text", self, sizes, 1, WIDEST)
         check_range("motion2text", self, stacks, 1, DEEPEST)
         check_range("motion2text", self, ("max_words",), 1, 1000)
@@ -62,7 +64,8 @@ class Motion2TextConfig:
 
 
 class Motion2Text(Trainable):
-    """p(words | motion tokens). Tokens K, K + 1 and K + 2 are start, end and padding of a motion.
+    """p(words | motion tokens). Tokens K, K + 1 and K + 2 are start, end and padding of a motion; where tokens have
+    L layers that are read, the codes of layer l are K l, ..., and K L takes the place of K.
 
     Word embedding and output projection share their weights.
     """
@@ -74,14 +77,11 @@ class Motion2Text(Trainable):
         if not 1 <= config.offsets <= context.unit:
             raise InputError("motion2text.offsets", config.offsets, f"must lie in 1..{context.unit}")
         self.config, self.context = config, context
-        self.start_token, self.end_token, self.pad_token = (
-            config.codebook_size,
-            config.codebook_size + 1,
-            config.codebook_size + 2,
-        )
+        self.codes = config.codebook_size * config.token_layers
+        self.start_token, self.end_token, self.pad_token = self.codes, self.codes + 1, self.codes + 2
         words = len(context.vocabulary)
         if config.tokens:
-            self.source = nn.Embedding(config.codebook_size + 3, config.width, padding_idx=self.pad_token)
+            self.source = nn.Embedding(self.codes + 3, config.width, padding_idx=self.pad_token)
             nn.init.normal_(self.source.weight, std=1.0)
         else:
             self.normalizer = Normalizer(context.mean, context.std)
@@ -100,7 +100,19 @@ class Motion2Text(Trainable):
     # The source -----------------------------------------------------------------------------------------------------
 
     def token_source(self, tokens: Tensor, count: Tensor) -> tuple[Tensor, Tensor]:
-        """Motion codes (B, S), valid counts (B,) -> ids (B, S + 2) with start, end and padding, and their mask."""
+        """Motion codes (B, S), valid counts (B,) -> ids (B, S + 2) with start, end and padding, and their mask.
+
+        Of tokens in layers (B, S, L) the first `token_layers` are read; more than one give ids (B, S + 2, layers).
+        """
+        layers = self.config.token_layers
+        if tokens.dim() == 3 and layers > 1:
+            shift = self.config.codebook_size * torch.arange(layers, device=tokens.device)
+            each = [self._framed(codes, count) for codes in (tokens[..., :layers] + shift).unbind(-1)]
+            return torch.stack([ids for ids, _ in each], -1), each[0][1]
+        return self._framed(tokens[..., 0] if tokens.dim() == 3 else tokens, count)
+
+    def _framed(self, tokens: Tensor, count: Tensor) -> tuple[Tensor, Tensor]:
+        """Codes (B, S) -> ids (B, S + 2) between start and end, and their mask."""
         ids = F.pad(tokens, (1, 1), value=self.pad_token)
         ids[:, 0] = self.start_token
         mask = length_mask(count + 2, ids.shape[1])
@@ -108,10 +120,12 @@ class Motion2Text(Trainable):
         return ids, mask
 
     def embed(self, source: Tensor) -> Tensor:
-        """Token ids (B, S), or distributions over the K + 3 tokens (B, S, K + 3), to embeddings (B, S, width)."""
+        """Token ids (B, S), or distributions over the K + 3 tokens (B, S, K + 3), to embeddings (B, S, width); those
+        of ids in layers (B, S, L) are summed."""
         if source.is_floating_point():
             return source @ self.source.weight
-        return self.source(source)
+        embedded = self.source(source)
+        return embedded.sum(2) if source.dim() == 3 else embedded
 
     def embed_tokens(self, tokens: Tensor, count: Tensor) -> tuple[Tensor, Tensor]:
         """Motion codes (B, S), valid counts (B,) -> their embeddings (B, S + 2, width), mask."""
@@ -132,8 +146,9 @@ class Motion2Text(Trainable):
             return self.tagged(*self.embed_motion(batch.motion, batch.frames), batch)
         ids, mask = self.token_source(batch.tokens, batch.token_count)
         if self.training and self.config.token_dropout:
-            hidden = torch.rand(ids.shape, device=ids.device) < self.config.token_dropout
-            ids = ids.masked_fill(hidden & (ids < self.config.codebook_size), self.pad_token)
+            hidden = torch.rand(mask.shape, device=ids.device) < self.config.token_dropout
+            hidden = hidden[..., None] if ids.dim() == 3 else hidden
+            ids = ids.masked_fill(hidden & (ids < self.codes), self.pad_token)
         return self.tagged(self.embed(ids), mask, batch)
 
     def tagged(self, source: Tensor, mask: Tensor, of: SourcedBatch | int) -> tuple[Tensor, Tensor]:
@@ -149,7 +164,8 @@ class Motion2Text(Trainable):
 
     @torch.no_grad()
     def start_from(self, codebook: Tensor) -> None:
-        """Token embeddings become a random projection of the codebook (K, d), at unit scale."""
+        """Token embeddings become a random projection of the codebook (K, d) at unit scale; in layers, of the codebooks
+        (K L, d), so that their sum is that of the summed entries."""
         centred = codebook - codebook.mean(0)
         projected = centred @ torch.randn(codebook.shape[1], self.config.width)
         self.source.weight[: len(codebook)] = projected / projected.std()

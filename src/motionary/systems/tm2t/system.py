@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from motionary.corpus.context import Context
-from motionary.errors import configure
+from motionary.errors import InputError, configure
 from motionary.systems.io import Trained
 
 if TYPE_CHECKING:
@@ -38,9 +38,14 @@ def build_motion2text(settings: Mapping[str, Any], context: Context, trained: Tr
     config = configure(
         Motion2TextConfig, {"codebook_size": trained.config("tokenizer")["codebook_size"], **settings}, "motion2text"
     )
+    most = trained.config("tokenizer").get("num_quantizers", 1)
+    if config.token_layers > most:
+        raise InputError("motion2text.token_layers", config.token_layers, f"must be at most the tokenizer's, {most}")
     model = Motion2Text(config, context)
     if config.tokens and config.start_from_codebook:
-        model.start_from(trained.load("tokenizer").quantizer.codebook)
+        quantizer = trained.load("tokenizer").quantizer
+        layered = hasattr(quantizer, "codebooks")
+        model.start_from(quantizer.codebooks()[: config.token_layers].flatten(0, 1) if layered else quantizer.codebook)
     return model
 
 

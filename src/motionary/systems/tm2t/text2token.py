@@ -137,9 +137,10 @@ class Text2Token(Trainable):
         Rows `free` (indices) read their own draws, the others the true tokens.
         """
         smoothing = self.config.label_smoothing if self.training else 0.0
-        inputs = F.pad(batch.tokens, (1, 0), value=self.start_token)  # (B, S + 1)
+        tokens = batch.tokens[..., 0] if batch.tokens.dim() == 3 else batch.tokens  # the base of tokens in layers
+        inputs = F.pad(tokens, (1, 0), value=self.start_token)  # (B, S + 1)
         valid = length_mask(batch.token_count + 1, inputs.shape[1])  # (B, S + 1), the end included
-        targets = F.pad(batch.tokens, (0, 1)).scatter(1, batch.token_count[:, None], self.end_token)
+        targets = F.pad(tokens, (0, 1)).scatter(1, batch.token_count[:, None], self.end_token)
         targets = targets.masked_fill(~valid, self.pad_token)
         if self.training and self.config.token_dropout:
             hidden = torch.rand(inputs.shape, generator=generator, device=inputs.device) < self.config.token_dropout
