@@ -16,6 +16,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--generator", metavar="NAME", help="the system that makes motions of text (the usual one)")
     add.add_argument("--also", nargs="+", default=[], metavar="NAME", help="further systems to take")
     add.add_argument("--without", nargs="+", default=[], metavar="NAME", help="systems to leave out, such as a judge")
+    add.add_argument("--bits", type=int, default=16, help="of a weight: 16, or 6 where 25 MB are too few (16)")
     add_force(add, "a bundle that is there")
     shared.add_json(add)
 
@@ -26,8 +27,8 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.pretrained.making import CARD, make_bundle
 
     out = options.out or PACKAGED
-    chosen = {"generator": options.generator, "also": options.also, "without": options.without}
-    made = make_bundle(options.trained, out, **chosen, force=options.force)
+    chosen = {name: getattr(options, name) for name in ("generator", "also", "without", "bits", "force")}
+    made = make_bundle(options.trained, out, **chosen)
     told = f"{out}: {', '.join(made['systems'])}; {made['bytes'] / 1e6:.1f} MB; {CARD} says what they are"
     print(json.dumps(made, indent=1) if options.json else told)
 

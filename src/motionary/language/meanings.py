@@ -76,15 +76,15 @@ class Meanings:
         return max(0.0, 1.0 - float(likeness[best])), self.captions[best]
 
     def save(self, folder: Path) -> None:
-        """Writes meanings.npz into a folder, vectors as float16."""
+        """Writes meanings.npz into a folder, vectors as rows of 8-bit integers."""
         folder.mkdir(parents=True, exist_ok=True)
         np.savez(
             folder / FILE,
             words=np.array(self.words),
             tags=np.array(self.tags),
-            vectors=self.vectors.astype(np.float16),
+            vectors=_small(self.vectors),
             captions=np.array(self.captions, dtype=np.str_),
-            caption_vectors=self.caption_vectors.astype(np.float16),
+            caption_vectors=_small(self.caption_vectors),
         )
 
     @classmethod
@@ -92,8 +92,18 @@ class Meanings:
         """Reads what :meth:`save` wrote."""
         with np.load(readable(folder / FILE), allow_pickle=False) as found:
             words, tags, captions = (tuple(map(str, found[name])) for name in ("words", "tags", "captions"))
-            vectors, caption_vectors = (found[name].astype(np.float32) for name in ("vectors", "caption_vectors"))
+            vectors, caption_vectors = (_unit(found[name]) for name in ("vectors", "caption_vectors"))
         return cls(words, tags, vectors, captions, caption_vectors)
+
+
+def _small(rows: np.ndarray) -> np.ndarray:
+    most = np.abs(rows).max(axis=1, keepdims=True, initial=1e-9)
+    return np.round(rows / most * 127).astype(np.int8)
+
+
+def _unit(rows: np.ndarray) -> np.ndarray:
+    wide = rows.astype(np.float32)
+    return wide / np.maximum(np.linalg.norm(wide, axis=1, keepdims=True), 1e-9)
 
 
 def _classed(vocabulary: Vocabulary, sentences: Sequence[Sentence]) -> tuple[tuple[str, ...], tuple[str, ...]]:

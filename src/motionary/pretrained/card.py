@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from safetensors.numpy import load_file
+from safetensors.torch import load_file
 
 from motionary.corpus.store import Corpus
 from motionary.pretrained.fixed_sample import judges_rows
@@ -17,6 +17,7 @@ from motionary.report.results import Results, at
 from motionary.report.summary import main_tables
 from motionary.report.table import Table, percent, show
 from motionary.systems.io import WEIGHTS
+from motionary.systems.packing import unpacked
 from motionary.systems.registry import MOTION_TO_TEXT, SEARCH, TELLS, TEXT_TO_MOTION, find, known
 
 # Of the corpora that the project knows: what stands in a caption's `source`, or in the corpus's name.
@@ -84,13 +85,15 @@ def _systems(folder: Path, manifest: Mapping[str, Any]) -> Table:
         can = ", ".join(TELLS[offer] for offer in find(name).offers if offer not in withheld)
         size = sum(file.stat().st_size for file in (folder / name).rglob("*") if file.is_file())
         rows.append([name, can, "yes" if name in usual else "", f"{size / 1e6:.2f}", _sizes(folder / name)])
+    told = "float16" if manifest["bits"] == 16 else f"{manifest['bits']}-bit integers with float16 scales"
     columns = ["system", "can", "answers when none is named", "MB", "weights"]
-    return Table("Systems", columns, rows, "float16 on the disk, float32 in use; nothing is unpickled.")
+    return Table("Systems", columns, rows, f"{told} on the disk, float32 in use; nothing is unpickled.")
 
 
 def _sizes(folder: Path) -> str:
     """How many numbers the weights of a system are."""
-    count = sum(int(values.size) for file in folder.rglob(WEIGHTS) for values in load_file(file).values())
+    tensors = (unpacked(load_file(file)) for file in folder.rglob(WEIGHTS))
+    count = sum(values.numel() for found in tensors for values in found.values())
     return f"{count:,}" if count else "-"
 
 
@@ -121,8 +124,8 @@ def _scores(results: Results, manifest: Mapping[str, Any]) -> str:
     if not tables:
         return "The run's reports were not at hand."
     told = (
-        "The whole test split, as the run's reports have it (weights in float32; the packaged ones are these, rounded "
-        "to float16). Retrieval copies training motions, for comparison."
+        "The whole test split, as the run's reports have it (weights in float32; the packaged ones are these, "
+        "rounded). Retrieval copies training motions, for comparison."
     )
     return "\n\n".join([told, *(table.markdown().strip() for table in tables)])
 

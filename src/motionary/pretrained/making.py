@@ -17,8 +17,9 @@ from motionary.errors import InputError
 from motionary.files import atomic_folder
 from motionary.pretrained.catalogue import catalogued, write_catalogue
 from motionary.pretrained.fixed_sample import FixedSample
-from motionary.systems.io import CATALOGUE, CONFIG_FILE, copy_halved, model_hash, roles
+from motionary.systems.io import CATALOGUE, CONFIG_FILE, copy_compact, model_hash, roles
 from motionary.systems.judges.corpus_search import Index, meanings_of
+from motionary.systems.packing import BITS
 from motionary.systems.registry import (
     EMBED,
     MOTION_TO_TEXT,
@@ -42,13 +43,14 @@ def make_bundle(
     generator: str | None = None,
     also: Iterable[str] = (),
     without: Iterable[str] = (),
+    bits: int = 16,
     force: bool = False,
 ) -> dict[str, Any]:
     """Write the systems that answer, from a trained run, as a bundle that :func:`motionary.load` opens.
 
-    Weights are float16 and become float32 when loaded. Of the corpus come the texts of the captioned training windows
-    and where each lies in the judge's space, which is what the bundle's search looks over; no motions but a fixed
-    sample of test windows, by which the packaged weights are scored.
+    Weights are float16 (or fewer `bits`) and become float32 when loaded. Of the corpus come the texts of the captioned
+    training windows and where each lies in the judge's space, which is what the bundle's search looks over; no motions
+    but a fixed sample of test windows, by which the packaged weights are scored.
 
     Args:
         models: the folder of trained systems; ``data/corpus`` and ``reports`` of the run lie beside it.
@@ -56,6 +58,7 @@ def make_bundle(
         generator: the text-to-motion system that answers; None takes the usual one.
         also: names of further systems to take.
         without: names of systems that are left out, such as a second judge where both would be too large.
+        bits: of a weight: 16, or 6 with a scale for each 64 of them.
         force: replace a bundle that is there.
 
     Returns:
@@ -66,6 +69,8 @@ def make_bundle(
     """
     out, run = _free(Path(out), force), load(models)
     corpus = Corpus.open(run.models.parent / "data" / "corpus")
+    if bits not in BITS:
+        raise InputError("bits", bits, f"must be one of {', '.join(map(str, BITS))}")
     left = set(without)
     able = {offer: [name for name in run.offering(offer) if name not in left] for offer in ANSWERING}
     usual = {offer: names[0] for offer, names in able.items() if names}
@@ -73,7 +78,7 @@ def make_bundle(
     judging = [name for name in judges() if name in run.systems and name not in left]
     names = systems_of(run, (*usual.values(), *judging, *also))
     with atomic_folder(out) as folder:
-        manifest = _fill(folder, run, names, corpus)
+        manifest = {"bits": bits, **_fill(folder, run, names, corpus, bits)}
         (folder / BEST).write_text(json.dumps(usual, indent=1) + "\n", encoding="utf-8")
         manifest = {"systems": list(names), "usual": usual, **manifest, "corpus": corpus.hash}
         write_manifest(folder, manifest)
@@ -84,7 +89,8 @@ def make_bundle(
         _write_card(folder, run, manifest, corpus)
         manifest["bytes"] = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
         if manifest["bytes"] > MOST_BYTES:
-            raise InputError(out, f"{manifest['bytes'] / 1e6:.1f} MB", f"must have at most {MOST_BYTES / 1e6:g}")
+            rule = f"must have at most {MOST_BYTES / 1e6:g}; fewer bits (--bits) or systems (--without) help"
+            raise InputError(out, f"{manifest['bytes'] / 1e6:.1f} MB", rule)
     return manifest
 
 
@@ -119,13 +125,13 @@ def _able(run: Dictionary, generator: str) -> str:
     return generator
 
 
-def _fill(folder: Path, run: Dictionary, names: Iterable[str], corpus: Corpus) -> dict[str, Any]:
+def _fill(folder: Path, run: Dictionary, names: Iterable[str], corpus: Corpus, bits: int) -> dict[str, Any]:
     """Copies the systems; of one that looks things up in the corpus its index. Returns what those cannot do here."""
     withheld = {}
     for name in names:
         if find(name).model:
             for record in sorted((run.models / name).rglob(CONFIG_FILE)):
-                copy_halved(record.parent, folder / record.parent.relative_to(run.models))
+                copy_compact(record.parent, folder / record.parent.relative_to(run.models), bits)
         else:
             rows = catalogued(corpus)
             index = Index.load(run.models / name)

@@ -17,6 +17,7 @@ from torch import nn
 from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.files import atomic_file, written_by
+from motionary.systems.packing import compact, unpacked
 from motionary.systems.registry import TELLS, System, find, known
 from motionary.systems.renamed import with_new_names
 
@@ -43,17 +44,11 @@ def save_model(folder: str | Path, name: str, model: nn.Module, context: Context
     _write(folder, record, tensors)
 
 
-def copy_halved(folder: str | Path, target: str | Path) -> None:
-    """A saved model once more, in half the bytes: weights as float16, which loading makes float32 again. What float16
-    cannot hold, a number above 65504 in size, keeps its tensor as it is."""
+def copy_compact(folder: str | Path, target: str | Path, bits: int = 16) -> None:
+    """A saved model once more, in fewer bytes; see :func:`motionary.systems.packing.compact`."""
     folder, record = Path(folder), read_record(folder)
-    tensors = load_file(folder / WEIGHTS)
-    _write(Path(target), {key: record[key] for key in ("system", "config", "context")}, _halved(tensors))
-
-
-def _halved(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    small = {key: value.half() if value.is_floating_point() else value for key, value in tensors.items()}
-    return {key: small[key] if bool(small[key].isfinite().all()) else value for key, value in tensors.items()}
+    tensors = compact(load_file(folder / WEIGHTS), bits)
+    _write(Path(target), {key: record[key] for key in ("system", "config", "context")}, tensors)
 
 
 def _write(folder: Path, record: dict[str, Any], tensors: Mapping[str, torch.Tensor]) -> None:
@@ -104,7 +99,7 @@ def load_model(folder: str | Path, device: str | torch.device = "cpu") -> nn.Mod
     try:
         if record["weights"] not in (None, _checksum(folder / WEIGHTS)):
             raise OSError("damaged, its checksum differs")
-        model.load_state_dict(load_file(folder / WEIGHTS))
+        model.load_state_dict(unpacked(load_file(folder / WEIGHTS)))
     except (OSError, SafetensorError, RuntimeError) as error:
         rule = f"must be the weights that belong to config.json{_again(folder / WEIGHTS)}"
         raise InputError(folder / WEIGHTS, error, rule) from None
