@@ -9,7 +9,7 @@ import numpy as np
 
 from motionary.corpus.encoding import as_joints, frames_of, listed, planted
 from motionary.errors import InputError, check_whole
-from motionary.motion import Motion, fit_rotations
+from motionary.motion import Motion
 from motionary.systems.action_protocols import ActionToMotion
 
 
@@ -37,8 +37,7 @@ def act(
         starts = [as_joints(given, actor.context)] * n
     seeds = [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(n)]
     first_frame = 0 if starts is None else len(starts[0])
-    made = planted(actor.act([plan] * n, seeds, starts=starts, scale=scale), feet, first_frame)
-    return [fit_rotations(motion) for motion in made]
+    return planted(actor.act([plan] * n, seeds, starts=starts, scale=scale), feet, first_frame)
 
 
 def between(
