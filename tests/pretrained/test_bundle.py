@@ -132,6 +132,30 @@ def test_the_card_says_what_the_weights_score(bundle, packed):
         assert heading in card
 
 
+def test_the_packaged_models_score_what_their_card_says_and_answer():
+    manifest, shipped = (
+        json.loads((places.PACKAGED / "bundle.json").read_text()),
+        motionary.load(places.PACKAGED, "cpu"),
+    )
+    assert sum(file.stat().st_size for file in places.PACKAGED.rglob("*") if file.is_file()) <= making.MOST_BYTES
+    sample = FixedSample.load(places.PACKAGED / "sample.npz").scores(shipped)
+    for judge, rows in manifest["sample"].items():  # another processor may rank a pair of 32 differently
+        for kind in ("real", "captions", "generated"):
+            assert np.abs(np.subtract(sample[judge][kind], rows[kind])).max() <= 3 / 32
+    sys.addaudithook(listen)
+    listening.append(True)
+    try:
+        walk = shipped.generate("a person walks forward", seconds=4, seed=0)[0]
+        assert np.ptp(walk.positions[:, 0], axis=0)[[0, 2]].max() > 0.5
+        assert shipped.caption(walk)[0]
+        assert "jump" in " ".join(
+            caption for match in shipped.search("a person jumps", k=5) for caption in match.captions
+        )
+    finally:
+        listening.clear()
+    assert not unpickled
+
+
 def test_a_bundle_replaces_nothing_unless_told(bundle, pipeline, tmp_path, capsys, monkeypatch):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/precious.txt").write_text("precious")

@@ -46,6 +46,10 @@ class Quantizer(nn.Module):
         """Number of codes."""
         return self.codebook.shape[0]
 
+    def codebooks(self) -> Tensor:
+        """(1, K, d) the entries, as those of a quantizer of one layer."""
+        return self.codebook[None]
+
     def nearest(self, latents: Tensor) -> Tensor:
         """(..., d) -> (...) index of the nearest code (Eq. 1), by distances of 32 bits: with fewer, one code in 25 is
         another."""

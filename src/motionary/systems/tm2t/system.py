@@ -43,9 +43,7 @@ def build_motion2text(settings: Mapping[str, Any], context: Context, trained: Tr
         raise InputError("motion2text.token_layers", config.token_layers, f"must be at most the tokenizer's, {most}")
     model = Motion2Text(config, context)
     if config.tokens and config.start_from_codebook:
-        quantizer = trained.load("tokenizer").quantizer
-        layered = hasattr(quantizer, "codebooks")
-        model.start_from(quantizer.codebooks()[: config.token_layers].flatten(0, 1) if layered else quantizer.codebook)
+        model.start_from(trained.load("tokenizer").quantizer.codebooks()[: config.token_layers].flatten(0, 1))
     return model
 
 
