@@ -27,7 +27,7 @@ def _run(options: argparse.Namespace) -> None:
         if not options.out.lower().endswith(".png"):
             raise InputError("--out", options.out, "a picture's name must end in .png")
         writable(options.out, options.force)
-    given = {"fps": options.fps, **shared.reading(options)}
+    given = {"fps": options.source_fps, **shared.reading(options)}
     found = shared.each(options, {file: file for file in options.files}, lambda file: inspect_motion(file, **given))
     told = [row for row, _ in found.values()]
     if options.out is not None:
