@@ -194,7 +194,7 @@ def test_one_mannequin_serves_all_motions_on_like_rigs_one_after_another(walk):
 
 def test_hidden_mannequins_of_many_rigs_take_no_room(walk):
     mannequins, made = Mannequins(Scene(), "x"), []
-    for size in np.linspace(0.5, 1.6, 12):
+    for size in np.linspace(0.8, 1.25, 12):
         made.append(mannequins.take(Motion(walk.positions * size, walk.fps, walk.skeleton), np.zeros(3)))
         made[-1].remove()
     full = [figure for figure in made if len(figure.mesh.vertices) > 1]
