@@ -138,6 +138,7 @@ def test_bad_lines_are_problems(release):
 
 def test_a_folder_without_split_files(tmp_path):
     (tmp_path / "new_joints").mkdir()
+    (tmp_path / "texts").mkdir()
     with pytest.raises(InputError, match=r"train\.txt"):
         HumanML3DSource(tmp_path, "x").clips()
 
