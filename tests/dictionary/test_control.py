@@ -63,7 +63,7 @@ def test_a_path_is_followed(d):
 
 def test_keyframes_of_any_rig_are_met(d, walk):
     (plain,) = d.generate(WALK, seconds=3)
-    skeleton = plain.skeleton
+    skeleton = Skeleton.named("smpl22")
     own = on_body(retarget(walk.crop(20, 21), skeleton))
     near = placed_at(own, 0, plain.positions[30, 0] + [0.1, 0, 0.1], 0.3)
     kit = retarget(Motion(near.positions, 20, skeleton), Skeleton.named("kit21"))
@@ -77,7 +77,7 @@ def test_keyframes_of_any_rig_are_met(d, walk):
 
 
 def test_a_span_is_made_anew_and_the_rest_stays(d, walk):
-    own = retarget(walk, d.generate(WAVE, seconds=1)[0].skeleton)
+    own = retarget(walk, Skeleton.named("smpl22"))
     made = d.edit(own, WAVE, start=1, end=2.2)
     assert made.frames == own.frames
     outside = np.r_[0:20, 44 : own.frames]
@@ -90,7 +90,7 @@ def test_a_span_is_made_anew_and_the_rest_stays(d, walk):
 
 
 def test_from_one_pose_to_another_and_on(d, walk):
-    own = retarget(walk, d.generate(WAVE, seconds=1)[0].skeleton)
+    own = retarget(walk, Skeleton.named("smpl22"))
     last = Motion(own.positions[50:] + np.array([0.5, 0, 0.5]), 20, own.skeleton)
     for first, text in ((own.crop(0, 30), None), (own.crop(29, 30), WALK)):
         made = d.between(first, last, seconds=1, text=text)

@@ -80,7 +80,9 @@ class Generating(Blending):
         if join:
             rows = [[control.join([row[k] for row in rows], feet) for k in range(n)]]
         asked = (loop, path, keyframes, feet, generator.context)
-        rows = [[fit_rotations(control.constrained(motion, *asked)) for motion in row] for row in rows]
+        rows = [[control.constrained(motion, *asked) for motion in row] for row in rows]
+        if keyframes is None:  # given poses are met as they are, whatever their bones
+            rows = [[fit_rotations(motion) for motion in row] for row in rows]
         return rows[0] if join or isinstance(texts, str) else rows
 
     def _made(
