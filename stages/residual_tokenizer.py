@@ -3,14 +3,10 @@
 from _project import ROOT  # isort: skip
 import hydra
 
-from motionary.corpus.batches import TokenStore, Windows
-from motionary.corpus.store import Corpus
 from motionary.evaluation.codebooks import code_usage, draw_contexts
 from motionary.evaluation.positions import test_positions
 from motionary.pipeline.stage import Stage, run_stage
-from motionary.pipeline.train import build, last_losses, train
-from motionary.systems.codec import BatchedCodec
-from motionary.systems.io import save_model
+from motionary.pipeline.tokens import train_tokenizer
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -18,21 +14,12 @@ from motionary.systems.io import save_model
 def main(config):
     """data/corpus -> models/residual_tokenizer (weights, tokens of every window), reports/residual_tokenizer.json"""
     with Stage("residual_tokenizer", config, ROOT) as stage:
-        corpus = Corpus.open(stage.input("data/corpus"))
-        model, settings = build(stage, corpus.context), stage.training()
-        data = Windows(corpus, "train", **stage.data)
-        validation = Windows(corpus, "val", stage.data["window"])
-
-        history = train(stage, model, data, validation, settings)
-        codes = BatchedCodec(model).encode([corpus.features(i) for i in range(len(corpus))], progress="tokens")
-        with stage.publish("models/residual_tokenizer") as folder:
-            save_model(folder, "residual_tokenizer", model, corpus.context)
-            TokenStore.collect(codes).save(folder)
+        corpus, model, codes, training = train_tokenizer(stage)
         layers = [[tokens[:, layer] for tokens in codes] for layer in range(model.config.num_quantizers)]
         stage.figure("contexts", draw_contexts(model, layers[0]))
         usage = [code_usage(layer, model.config.codebook_size) for layer in layers]
         report = {"positions": test_positions(corpus, model), "codes": usage[0], "layers": usage[1:]}
-        stage.report({**report, "training": last_losses(history)})
+        stage.report({**report, "training": training})
 
 
 if __name__ == "__main__":

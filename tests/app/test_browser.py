@@ -78,7 +78,10 @@ def visit(browser: Browser, url: str):
 
 def still(page: Page) -> np.ndarray:
     """The page with its motion stopped at the beginning."""
-    page.get_by_role("checkbox").first.uncheck(force=True)
+    playing = page.get_by_role("checkbox").first
+    while playing.is_checked():  # the page may draw what it had before a click has reached it
+        playing.click(force=True)
+        page.wait_for_timeout(500)
     put(page, "Time", 0.0)
     return settled(page)
 

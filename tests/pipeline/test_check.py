@@ -35,7 +35,7 @@ curriculum_start curriculum_add curriculum_patience held_out scored_clips conten
 codes codebook_size
 diversity_contents diversity_samples pose_step pool diversity_pairs multimodality_texts examples multimodality_samples
 multimodality_pairs generation_repetitions prompt_samples samples locomotion_samples physics_motions upstream
-generator_layers
+generator_layers token_layers detail_layers iterations num_quantizers
 """
 LARGE = {"seed", "window", "validate_every", "log_every", "patience"}  # of which no number is too large
 
@@ -74,7 +74,7 @@ def refused(value):
     [
         (-1, {"tokenizer.codebook_start"}),
         (1e9, set()),
-        ("x", {"data.name", "source.root", "scale", "temos.language_model"}),
+        ("x", {"data.name", "source.root", "scale", "temos.language_model", "motion2text.source"}),
         (None, set()),
     ],
 )
@@ -90,9 +90,11 @@ def test_zero_is_refused_where_something_is_needed():
         "joint_evaluator.temperature",
         "joint_evaluator.rate",
         "text2token.temperature",
+        "masked_generator.temperature",
         "style_evaluator.scale",
     }
     needed |= {"text2token.guidance"}  # without text_dropout
+    needed |= {"masked_generator.text_dropout"}  # with guidance
     numbers = {key for key in KEYS if isinstance(value_of(key), int | float) and not isinstance(value_of(key), bool)}
     assert refused(0) == needed | (set(KEYS) - numbers)
 

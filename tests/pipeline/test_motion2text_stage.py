@@ -35,6 +35,7 @@ def test_two_processes_train_every_member(repository, tmp_path):
 
     small = [
         "steps=3",
+        "log_every=1",
         "batch_size=4",
         "validate_every=3",
         "width=16",

@@ -48,7 +48,10 @@ def masked_texts(count: int = 0) -> Callable[[Shapes], Work]:
         context, number = make_context(shapes), count or shapes.prompts
         codec = ResidualTokenizer(
             ResidualTokenizerConfig(
-                shapes.masked_codes, shapes.masked_quantizers, code_dim=shapes.masked_dim, width=shapes.small_width
+                codebook_size=shapes.masked_codes,
+                num_quantizers=shapes.masked_quantizers,
+                code_dim=shapes.masked_dim,
+                width=shapes.small_width,
             ),
             context,
         )

@@ -146,10 +146,12 @@ def _each(
     """Every name with what went wrong, in order; an interruption leaves the rest undone."""
 
     def tried(name: str) -> InputError | None:
+        """What went wrong with a name, if anything."""
         try:
-            return work(name)
+            work(name)
         except InputError as problem:
             return problem
+        return None
 
     with ThreadPoolExecutor(jobs) as pool:
         try:

@@ -12,6 +12,7 @@ from motionary.corpus.context import Context
 from motionary.corpus.workers import without_bind_pose
 from motionary.errors import InputError
 from motionary.motion import Motion, canonicalize, repeat_last_step, resample, retarget
+from motionary.motion.planting import plant_feet
 
 T = TypeVar("T")
 _MINUTE = 60.0
@@ -57,7 +58,7 @@ def planted(motions: Sequence[Motion], feet: bool = True, first_frame: int = 0) 
     """The motions with feet that stand, from a frame on; as they are where that is not wanted."""
     if not isinstance(feet, bool):
         raise InputError("feet", feet, "must be True or False")
-    return [motion.plant_feet(min(first_frame, motion.frames)) if feet else motion for motion in motions]
+    return [plant_feet(motion, min(first_frame, motion.frames)) if feet else motion for motion in motions]
 
 
 def as_features(made: np.ndarray | Motion, context: Context) -> np.ndarray:

@@ -17,6 +17,7 @@ from motionary.evaluation.real_actions import joints_of
 from motionary.evaluation.scores import summarize
 from motionary.metrics.physics import MEASURES, physics
 from motionary.motion import Motion
+from motionary.motion.planting import plant_feet
 from motionary.systems.action_protocols import ActionClassifier, ActionToMotion
 
 LOCOMOTION = ("walk", "run", "jump")  # actions of Table 3.6, where a corpus has them
@@ -130,7 +131,7 @@ class _Scorer:
             if motions:
                 found[row] = self._measured(motions)
             if motions and row != REAL:
-                found[f"{row}, feet planted"] = self._measured([motion.plant_feet() for motion in motions])
+                found[f"{row}, feet planted"] = self._measured([plant_feet(motion) for motion in motions])
         return found
 
     def _measured(self, motions: Sequence[Motion]) -> dict[str, float]:

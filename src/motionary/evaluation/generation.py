@@ -19,6 +19,7 @@ from motionary.evaluation.scores import Protocol
 from motionary.language import Sentence, annotate
 from motionary.metrics.distribution import multimodality
 from motionary.metrics.intervals import Interval, interval
+from motionary.motion.planting import plant_feet
 from motionary.oracle.prompts import PROMPTS, holds
 from motionary.oracle.reading import read
 from motionary.systems.protocols import TextToMotion
@@ -124,7 +125,7 @@ def _planted(draws: Sequence[_Draw], items: Items, real: Features, jury: Jury) -
     context, planted, motions = items.corpus.context, [], []
     for draw in draws:
         made = tqdm(draw.generated, desc="plant feet", unit="motion")
-        motions.append([as_motion(features, context).plant_feet() for features in made])
+        motions.append([plant_feet(as_motion(features, context)) for features in made])
         features = [as_features(motion, context) for motion in motions[-1]]
         planted.append(replace(draw, generated=features, motion=jury.motions(features)))
     return _scores(planted, items, real, jury) | {"physics": {"generated": mean_physics(motions[0])}}

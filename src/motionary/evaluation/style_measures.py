@@ -17,6 +17,7 @@ from motionary.metrics.distribution import frechet_distance
 from motionary.metrics.physics import MEASURES, physics
 from motionary.metrics.position import geodesic_distance
 from motionary.motion import Motion, fit_rotations
+from motionary.motion.planting import plant_feet
 from motionary.systems.protocols import StyleClassifier
 
 
@@ -54,7 +55,7 @@ class Measures:
 
     def planted(self, features: Sequence[np.ndarray]) -> Measured:
         """Of the motions of raw features, each (T, D), with feet that stand."""
-        motions = [self.codec.decode(f, fps=self.fps).plant_feet() for f in features]
+        motions = [plant_feet(self.codec.decode(f, fps=self.fps)) for f in features]
         return self._judged(motions, [as_features(motion, self.context) for motion in motions])
 
     def _judged(self, motions: Sequence[Motion], features: Sequence[np.ndarray]) -> Measured:

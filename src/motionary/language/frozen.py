@@ -124,6 +124,7 @@ def _transformer(path: str, device: str) -> Callable[[Sequence[str]], tuple[Any,
     options = {"padding": True, "truncation": True, "max_length": _LONGEST, "return_tensors": "pt"}
 
     def run(texts: Sequence[str]) -> tuple[Any, Any]:
+        """States (N, W, E) and mask (N, W) of N texts."""
         inputs = tokenizer(list(texts), **options).to(device)
         return encoder(**inputs).last_hidden_state, inputs["attention_mask"]
 

@@ -2,37 +2,51 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
 
 from torch import Tensor, nn
 
+from motionary.errors import DEEPEST, HEAVIEST, WIDEST, check_range, check_share
 from motionary.nn.convolutions import Down, ResBlock, Up, coarser, finer, keep, step_mask
 from motionary.nn.precision import widened
 
 
-class TokenSizes(Protocol):
-    """What the two networks read of a tokenizer's settings, where each is explained."""
+@dataclass(frozen=True)
+class TokenSettings:
+    """What every tokenizer of these networks is told; the conf file of each explains the keys."""
 
-    @property
-    def code_dim(self) -> int: ...
-    @property
-    def width(self) -> int: ...
-    @property
-    def fine_width(self) -> int: ...
-    @property
-    def encoder_blocks(self) -> int: ...
-    @property
-    def decoder_blocks(self) -> int: ...
-    @property
-    def fine_blocks(self) -> int: ...
-    @property
-    def dilation(self) -> int: ...
+    codebook_size: int = 512
+    code_dim: int = 128
+    width: int = 384
+    fine_width: int = 192
+    encoder_blocks: int = 2
+    decoder_blocks: int = 3
+    fine_blocks: int = 1
+    dilation: int = 2
+    commitment_weight: float = 0.25
+    codebook_decay: float = 0.99
+    restart_below: float = 0.1
+    restart_until: float = 0.7
+    codebook_start: float = 0.05
+    hide_contacts: bool = True
+    position_weight: float = 1.0
+
+    def check(self, name: str) -> None:
+        """InputError for a value out of range; `name` is that of the system."""
+        check_range(name, self, ("codebook_size",), 2, WIDEST)
+        check_range(name, self, ("code_dim", "width"), 1, WIDEST)
+        check_range(name, self, ("fine_width",), 0, WIDEST)
+        check_range(name, self, ("encoder_blocks", "decoder_blocks", "fine_blocks"), 0, DEEPEST)
+        check_range(name, self, ("dilation",), 1, DEEPEST)
+        check_share(name, self, ("codebook_decay", "restart_below"))
+        check_range(name, self, ("restart_until",), 0, 1)
+        check_range(name, self, ("commitment_weight", "position_weight"), 0, HEAVIEST)
 
 
 class TokenEncoder(nn.Module):
     """E of TM2T's Eq. 2."""
 
-    def __init__(self, sizes: TokenSizes, features: int):
+    def __init__(self, sizes: TokenSettings, features: int):
         super().__init__()
         fine = sizes.fine_width or sizes.width
         self.first = Down(features, fine)
@@ -57,7 +71,7 @@ class TokenEncoder(nn.Module):
 class TokenDecoder(nn.Module):
     """D of TM2T's Eq. 2."""
 
-    def __init__(self, sizes: TokenSizes, features: int):
+    def __init__(self, sizes: TokenSettings, features: int):
         super().__init__()
         fine = sizes.fine_width or sizes.width
         self.input = nn.Conv1d(sizes.code_dim, sizes.width, 1) if sizes.code_dim != sizes.width else nn.Identity()

@@ -184,7 +184,7 @@ def test_bad_requests_are_one_line(filler, options, message):
     ("settings", "message"),
     [
         ({"num_heads": 5}, "masked_generator.num_heads: 5: must divide width, 32"),
-        ({"text_dropout": 0.0}, "masked_generator.guidance: 4.0: must be 1 unless text_dropout"),
+        ({"text_dropout": 0.0}, "masked_generator.text_dropout: 0.0: must be above 0"),
         ({"random_share": 0.6, "kept_share": 0.6}, "masked_generator.random_share"),
         ({"iterations": 0}, "masked_generator.iterations"),
         ({"width": 33, "num_heads": 3}, "masked_generator.width: 33: must be even"),

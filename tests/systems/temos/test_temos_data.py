@@ -202,7 +202,7 @@ def test_a_corpus_without_captions_is_one_line(tmp_path):
     corpus = Corpus.open(tmp_path / "corpus")
     with seeded(0):
         model = build_model("temos", SETTINGS, corpus.context, Trained(tmp_path))
-    with pytest.raises(InputError, match="split has no captioned windows"):
+    with pytest.raises(InputError, match="no caption: this learns from captions"):
         training_data(model, corpus, tmp_path / "motion", tmp_path / "texts")
 
 

@@ -60,7 +60,7 @@ def test_the_encoder_does_not_see_foot_contacts(context, batch):
     changed[..., -4:] += 1
     model = build(context)
     with torch.no_grad():
-        before, after = model._latents(batch.motion, batch.frames), model._latents(changed, batch.frames)
+        before, after = model.latents(batch.motion, batch.frames), model.latents(changed, batch.frames)
     assert torch.equal(before, after)
     assert model.decode(torch.zeros(1, 2, dtype=torch.long)).shape[-1] == 263
 
@@ -157,7 +157,7 @@ def test_the_codebook_starts_from_encoder_outputs(context, batch):
     model.loss(batch, 0.5, generator())
     assert bool(model.quantizer.started)
     with torch.no_grad():
-        latents = model._latents(batch.motion, batch.frames)
+        latents = model.latents(batch.motion, batch.frames)
         latents = torch.cat([v[: n // 4] for v, n in zip(latents, batch.frames.tolist(), strict=True)])
     assert float(torch.cdist(latents, model.quantizer.codebook).min(1).values.mean()) < 0.5 * float(latents.std())
     fewer = Quantizer(64, 8, "gradient")

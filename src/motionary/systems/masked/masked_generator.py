@@ -75,9 +75,8 @@ class MaskedGeneratorConfig:
             raise InputError(f"{name}.num_heads", self.num_heads, f"must divide width, {self.width}")
         if self.random_share + self.kept_share > 1:
             raise InputError(f"{name}.random_share", self.random_share, "must be at most 1 with kept_share")
-        for key in ("guidance", "detail_guidance"):
-            if getattr(self, key) != 1 and not self.text_dropout:
-                raise InputError(f"{name}.{key}", getattr(self, key), "must be 1 unless text_dropout is above 0")
+        if not self.text_dropout and {self.guidance, self.detail_guidance} != {1}:
+            raise InputError(f"{name}.text_dropout", self.text_dropout, "must be above 0 unless both guidances are 1")
 
 
 class MaskedGenerator(Trainable):

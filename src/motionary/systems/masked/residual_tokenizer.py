@@ -14,87 +14,60 @@ from torch import Tensor
 
 from motionary.corpus.batch import MotionBatch
 from motionary.corpus.context import Context
-from motionary.errors import DEEPEST, HEAVIEST, WIDEST, InputError, check_range, check_share
-from motionary.features import UNIT, HumanML3D, width
-from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.errors import DEEPEST, HEAVIEST, InputError, check_range
+from motionary.features import UNIT, HumanML3D
+from motionary.nn.layers import length_mask, masked_mean
 from motionary.nn.quantizer import usage
-from motionary.nn.reconstruction import feature_weights, position_error
+from motionary.nn.reconstruction import position_error
 from motionary.nn.residual_quantizer import ResidualQuantizer
-from motionary.nn.snippets import prepare
-from motionary.nn.token_networks import TokenDecoder, TokenEncoder
-from motionary.systems.trainable import Loss, Trainable
+from motionary.nn.token_networks import TokenSettings
+from motionary.systems.token_coder import TokenCoder
+from motionary.systems.trainable import Loss
 
 
 @dataclass(frozen=True)
-class ResidualTokenizerConfig:
+class ResidualTokenizerConfig(TokenSettings):
     """Settings of the codec; conf/residual_tokenizer.yaml explains each."""
 
-    codebook_size: int = 512
+    commitment_weight: float = 0.02
+    position_weight: float = 2.0
     num_quantizers: int = 4
     shared_codebook: bool = False
     quantizer_dropout: float = 0.2
-    code_dim: int = 128
-    width: int = 384
-    fine_width: int = 192
-    encoder_blocks: int = 2
-    decoder_blocks: int = 3
-    fine_blocks: int = 1
-    dilation: int = 2
-    commitment_weight: float = 0.02
-    codebook_decay: float = 0.99
-    restart_below: float = 0.1
-    restart_until: float = 0.7
-    codebook_start: float = 0.05
-    hide_contacts: bool = True
-    position_weight: float = 2.0
     smooth_below: float = 0.2
     velocity_weight: float = 0.5
     contact_weight: float = 0.1
 
     def __post_init__(self) -> None:
         name = "residual_tokenizer"
-        check_range(name, self, ("codebook_size",), 2, WIDEST)
-        check_range(name, self, ("code_dim", "width"), 1, WIDEST)
-        check_range(name, self, ("fine_width",), 0, WIDEST)
-        check_range(name, self, ("num_quantizers", "dilation"), 1, DEEPEST)
-        check_range(name, self, ("encoder_blocks", "decoder_blocks", "fine_blocks"), 0, DEEPEST)
-        check_share(name, self, ("codebook_decay", "restart_below"))
-        check_range(name, self, ("restart_until", "codebook_start", "quantizer_dropout"), 0, 1)
-        weights = ("commitment_weight", "position_weight", "smooth_below", "velocity_weight", "contact_weight")
-        check_range(name, self, weights, 0, HEAVIEST)
+        self.check(name)
+        check_range(name, self, ("num_quantizers",), 1, DEEPEST)
+        check_range(name, self, ("codebook_start", "quantizer_dropout"), 0, 1)
+        check_range(name, self, ("smooth_below", "velocity_weight", "contact_weight"), 0, HEAVIEST)
 
 
-class ResidualTokenizer(Trainable):
+class ResidualTokenizer(TokenCoder):
     """Motion to tokens in layers and back; features cross its borders raw, foot contacts never reach the encoder.
 
     A token of S is num_quantizers codes, of which the first says most; decoding takes any number of them.
     """
 
-    weights: Tensor
-
     def __init__(self, config: ResidualTokenizerConfig, context: Context):
-        super().__init__()
-        self.config, self.context, self.codec = config, context, context.make_codec()
+        super().__init__(config, context)
+        self.config = config
         if config.contact_weight and not isinstance(self.codec, HumanML3D):
             rule = f"must be 0: features of the codec {context.codec} tell no foot contacts"
             raise InputError("residual_tokenizer.contact_weight", config.contact_weight, rule)
-        self.normalizer = Normalizer(context.mean, context.std)
-        features = len(self.normalizer.mean)
-        self.seen = context.seen_columns(config.hide_contacts)
-        self.encoder = TokenEncoder(config, width(self.seen))
-        self.quantizer = ResidualQuantizer(
-            config.codebook_size, config.code_dim, config.num_quantizers, config.codebook_decay, config.restart_below,
-            config.shared_codebook,
-        )  # fmt: skip
-        self.decoder = TokenDecoder(config, features)
-        self.positions = context.columns("positions")
-        weights = feature_weights(features, self.positions, config.position_weight)
-        self.register_buffer("weights", weights, persistent=False)
+
+    def make_quantizer(self, config: ResidualTokenizerConfig) -> ResidualQuantizer:
+        """A base codebook, and those of what is left."""
+        sizes = config.codebook_size, config.code_dim, config.num_quantizers
+        return ResidualQuantizer(*sizes, config.codebook_decay, config.restart_below, config.shared_codebook)
 
     @torch.no_grad()
     def encode(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
         """Raw features (B, T, D), valid frames (B,) -> codes (B, T/4, layers); beyond an item's frames they are 0."""
-        codes = self.quantizer.encode(self._latents(raw, frames))
+        codes = self.quantizer.encode(self.latents(raw, frames))
         if frames is None:
             return codes
         return codes * length_mask(frames // UNIT, codes.shape[1])[..., None]
@@ -113,10 +86,8 @@ class ResidualTokenizer(Trainable):
         """Smooth L1 on features and on joint velocities, sliding feet, and commitment."""
         config, layers = self.config, self.config.num_quantizers
         warm = self.training and progress < config.codebook_start
-        if self.training and not warm and not self.quantizer.started:
-            with torch.no_grad():
-                latents = self._latents(batch.motion, batch.frames)
-                self.quantizer.start(latents[length_mask(batch.frames // UNIT, latents.shape[1])], generator)
+        if self.training and not warm:
+            self.start_codebook(batch, generator)
         kept = torch.full_like(batch.frames, layers)
         if self.training and layers > 1:
             draws = torch.rand(2, len(kept), generator=generator, device=kept.device)
@@ -135,18 +106,9 @@ class ResidualTokenizer(Trainable):
         errors = [position_error(motion, batch.motion, frames, self.positions) for motion in (decoded, base)]
         return {**terms, "loss": total, "position_mm": errors[0], "base_position_mm": errors[1]}
 
-    def after_step(self, step: int, progress: float, generator: torch.Generator) -> None:
-        """Restart dead codes."""
-        if progress < self.config.restart_until:
-            self.quantizer.restart(generator)
-
-    def _latents(self, raw: Tensor, frames: Tensor | None) -> Tensor:
-        x, mask = prepare(self.normalizer(raw), frames)
-        return self.encoder(x[:, self.seen], mask)
-
     def _loss(self, batch: MotionBatch, kept: Tensor, warm: bool) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         config, count = self.config, batch.frames // UNIT  # (B,) tokens
-        latents = self._latents(batch.motion, batch.frames)  # (B, S, d)
+        latents = self.latents(batch.motion, batch.frames)  # (B, S, d)
         valid = length_mask(count, latents.shape[1])  # (B, S)
         terms: dict[str, Tensor] = {}
         entries, commitment = latents, latents.new_zeros(())

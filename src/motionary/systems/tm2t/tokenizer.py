@@ -9,80 +9,51 @@ from torch import Tensor
 
 from motionary.corpus.batch import MotionBatch
 from motionary.corpus.context import Context
-from motionary.errors import DEEPEST, HEAVIEST, WIDEST, InputError, check_range, check_share
-from motionary.features import UNIT, width
-from motionary.nn.layers import Normalizer, length_mask, masked_mean
+from motionary.errors import HEAVIEST, InputError, check_range
+from motionary.features import UNIT
+from motionary.nn.layers import length_mask, masked_mean
 from motionary.nn.quantizer import KINDS, Quantizer, usage
-from motionary.nn.reconstruction import distance, feature_weights, position_error
-from motionary.nn.snippets import prepare
-from motionary.nn.token_networks import TokenDecoder, TokenEncoder
-from motionary.systems.trainable import Loss, Trainable
+from motionary.nn.reconstruction import distance, position_error
+from motionary.nn.token_networks import TokenSettings
+from motionary.systems.token_coder import TokenCoder
+from motionary.systems.trainable import Loss
 
 
 @dataclass(frozen=True)
-class TokenizerConfig:
+class TokenizerConfig(TokenSettings):
     """Settings of the tokenizer (TM2T 3.1); conf/tokenizer.yaml explains each."""
 
-    codebook_size: int = 512
-    code_dim: int = 128
-    width: int = 384
-    fine_width: int = 192
-    encoder_blocks: int = 2
-    decoder_blocks: int = 3
-    fine_blocks: int = 1
-    dilation: int = 2
     quantizer: str = "ema"
-    commitment_weight: float = 0.25
-    codebook_decay: float = 0.99
-    restart_below: float = 0.1
-    codebook_start: float = 0.05
-    restart_until: float = 0.7
     freeze_encoder_from: float = 1.0
-    hide_contacts: bool = True
-    position_weight: float = 1.0
     berhu_threshold: float = 0.0
     trajectory_weight: float = 0.0
 
     def __post_init__(self) -> None:
+        self.check("tokenizer")
         if self.quantizer not in KINDS:
             raise InputError("tokenizer.quantizer", self.quantizer, f"must be one of {', '.join(KINDS)}")
         if self.codebook_start != -1:
             check_range("tokenizer", self, ("codebook_start",), 0, 1)
-        check_range("tokenizer", self, ("codebook_size",), 2, WIDEST)
-        check_range("tokenizer", self, ("code_dim", "width"), 1, WIDEST)
-        check_range("tokenizer", self, ("fine_width",), 0, WIDEST)
-        check_range("tokenizer", self, ("encoder_blocks", "decoder_blocks", "fine_blocks"), 0, DEEPEST)
-        check_range("tokenizer", self, ("dilation",), 1, DEEPEST)
-        check_share("tokenizer", self, ("codebook_decay", "restart_below"))
-        check_range("tokenizer", self, ("restart_until", "freeze_encoder_from"), 0, 1)
-        weights = ("commitment_weight", "position_weight", "trajectory_weight", "berhu_threshold")
-        check_range("tokenizer", self, weights, 0, HEAVIEST)
+        check_range("tokenizer", self, ("freeze_encoder_from",), 0, 1)
+        check_range("tokenizer", self, ("trajectory_weight", "berhu_threshold"), 0, HEAVIEST)
 
 
-class Tokenizer(Trainable):
+class Tokenizer(TokenCoder):
     """Motion tokens and back (Eq. 2). Features cross its borders raw; foot contacts never reach the encoder."""
 
-    weights: Tensor
-
     def __init__(self, config: TokenizerConfig, context: Context):
-        super().__init__()
-        self.config, self.context = config, context
-        self.normalizer = Normalizer(context.mean, context.std)
-        features = len(self.normalizer.mean)
-        self.seen, self.codec = context.seen_columns(config.hide_contacts), context.make_codec()
-        self.encoder = TokenEncoder(config, width(self.seen))
-        self.quantizer = Quantizer(
-            config.codebook_size, config.code_dim, config.quantizer, config.codebook_decay, config.restart_below
-        )
-        self.decoder = TokenDecoder(config, features)
-        self.positions = context.columns("positions")
-        weights = feature_weights(features, self.positions, config.position_weight)
-        self.register_buffer("weights", weights, persistent=False)
+        super().__init__(config, context)
+        self.config = config
+
+    def make_quantizer(self, config: TokenizerConfig) -> Quantizer:
+        """One codebook (Eq. 1)."""
+        sizes = config.codebook_size, config.code_dim
+        return Quantizer(*sizes, config.quantizer, config.codebook_decay, config.restart_below)
 
     @torch.no_grad()
     def encode(self, raw: Tensor, frames: Tensor | None = None) -> Tensor:
         """Raw features (B, T, D), valid frames (B,) -> codes (B, T/4) long; beyond an item's frames they are 0."""
-        latents = self._latents(raw, frames)
+        latents = self.latents(raw, frames)
         codes = self.quantizer.nearest(latents)
         if frames is None:
             return codes
@@ -101,13 +72,8 @@ class Tokenizer(Trainable):
         """Eq. 3 as means over valid frames and features, with the config's extra terms."""
         config = self.config
         warm = self.training and progress < config.codebook_start
-        # A codebook drawn from what the encoder says is used from its first step on; a random one lies far from all of
-        # it, and the few codes that are nearest take everything.
-        if self.training and not warm and config.codebook_start >= 0 and not bool(self.quantizer.started):
-            with torch.no_grad():
-                latents = self._latents(batch.motion, batch.frames)
-                valid = length_mask(batch.frames // UNIT, latents.shape[1])
-                self.quantizer.start(latents[valid], generator)
+        if self.training and not warm and config.codebook_start >= 0:
+            self.start_codebook(batch, generator)
         frozen = self.training and progress >= config.freeze_encoder_from
         total, terms, _ = self._loss(batch, warm, frozen)
         return total, terms
@@ -120,20 +86,11 @@ class Tokenizer(Trainable):
         error = position_error(decoded, batch.motion, batch.frames // UNIT * UNIT, self.positions)
         return {**terms, "loss": total, "position_mm": error}
 
-    def after_step(self, step: int, progress: float, generator: torch.Generator) -> None:
-        """Restart dead codes."""
-        if progress < self.config.restart_until:
-            self.quantizer.restart(generator)
-
-    def _latents(self, raw: Tensor, frames: Tensor | None) -> Tensor:
-        x, mask = prepare(self.normalizer(raw), frames)
-        return self.encoder(x[:, self.seen], mask)
-
     def _loss(self, batch: MotionBatch, warm: bool, frozen: bool) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         config = self.config
         count = batch.frames // UNIT  # (B,) tokens
         with torch.set_grad_enabled(torch.is_grad_enabled() and not frozen):
-            latents = self._latents(batch.motion, batch.frames)  # (B, S, d)
+            latents = self.latents(batch.motion, batch.frames)  # (B, S, d)
         valid = length_mask(count, latents.shape[1])  # (B, S)
         terms: dict[str, Tensor] = {}
         if warm:
