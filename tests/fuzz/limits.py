@@ -68,9 +68,8 @@ def _held(column: int) -> int:
 def _run(said: int, seconds: float, task: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     signal.setitimer(signal.ITIMER_PROF, seconds)
     signal.setitimer(signal.ITIMER_REAL, 20 * seconds)  # for what waits and does not work
-    resource.setrlimit(
-        resource.RLIMIT_AS, (_held(0) + 3 * 2**30,) * 2
-    )  # a guard of the machine; the contract is measured
+    # A guard of the machine; the contract is measured.
+    resource.setrlimit(resource.RLIMIT_AS, (_held(0) + 3 * 2**30,) * 2)
     os.dup2(said, 1)
     os.dup2(said, 2)
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
