@@ -90,20 +90,20 @@ def _batch(seeds: list[int]) -> None:
             out.mkdir()
             path = mutant(seed, Path(folder))
             Path("/proc/self/clear_refs").write_text("5")  # from here on the peak of memory is counted anew
-            started = time.process_time()
+            held, started = _megabytes("VmRSS"), time.process_time()
             found = check(path, out)
             seconds = time.process_time() - started
         if seconds > SECONDS:
             found.append(f"{seconds:.1f} s")
-        if (megabytes := _peak()) > MEGABYTES:
-            found.append(f"{megabytes:.0f} MB")
+        if (more := _megabytes("VmHWM") - held) > MEGABYTES:
+            found.append(f"{more:.0f} MB")
         print("@ " + json.dumps([seed, [f"{KINDS[seed % len(KINDS)]}: {fault}" for fault in found]]), flush=True)
 
 
-def _peak() -> float:
-    """Most megabytes that this process held at a time since it last began to count."""
+def _megabytes(what: str) -> float:
+    """That this process holds (VmRSS), or held at most since it last began to count (VmHWM)."""
     status = Path("/proc/self/status").read_text()
-    return int(status.split("VmHWM:")[1].split()[0]) / 1024
+    return int(status.split(f"{what}:")[1].split()[0]) / 1024
 
 
 def fuzz(first: int, count: int, seconds: float = float("inf")) -> tuple[int, dict[int, list[str]]]:
