@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from motionary.formats.animated_rig import place
 from motionary.formats.render.mesh import Body, mannequin, rest_positions
-from motionary.formats.tracks import Locals, Track, to_locals
+from motionary.formats.tracks import Locals, to_locals
 from motionary.motion import Motion, Skeleton
 
 _ALIKE = 0.01  # metres between the bones of two rigs that one mesh may show: seams of that width
@@ -90,8 +91,7 @@ class Mannequin:
     """A mesh that shows one motion."""
 
     def __init__(self, mesh: _Mesh, local: Locals, shift: np.ndarray, give_back: Any):
-        track = Track(local.skeleton.joints, local.skeleton.parents, local.rotations, local.translations)
-        positions, rotations = track.place()
+        positions, rotations = place(local.skeleton.parents, local.rotations, local.translations)
         self.mesh, self._give_back = mesh.node, lambda: give_back(mesh)
         self.positions = (positions + shift)[:, mesh.bones]
         self.rotations = np.roll(rotations[:, mesh.bones], 1, axis=-1)  # viser wants w first

@@ -126,8 +126,9 @@ def add_reading(add: argparse.ArgumentParser) -> None:
 
 
 def reading(options: argparse.Namespace) -> dict[str, Any]:
-    """The arguments of `read_motion` that :func:`add_reading` gives."""
-    return {name: getattr(options, name) for name in ("mapping", "up", "unit", "mirror", "skip_first")}
+    """The arguments of `read_motion` that :func:`add_reading` gives, and a bar for long files where people look on."""
+    given = {name: getattr(options, name) for name in ("mapping", "up", "unit", "mirror", "skip_first")}
+    return {**given, "progress": sys.stderr.isatty()}
 
 
 def add_cut(add: argparse.ArgumentParser) -> None:

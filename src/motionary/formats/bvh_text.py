@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import BinaryIO
 
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.files import decoded
+from motionary.formats.number_rows import Told, number_rows, numbers_of, text_end, text_lines
 from motionary.formats.read.extent import FARTHEST, check_extent
 from motionary.motion.skeleton import MOST_JOINTS
 
 CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
 _COUNTS = tuple("0123456")
-_ENDS = " \t\r\n\x00\x1a"  # what may stand after the last number: DOS marks the end of a text with 0x1A
+_HEADER = ("frames", "frame time")
 
 
 @dataclass
@@ -29,36 +32,67 @@ class Node:
 
 @dataclass
 class RawBVH:
-    """The contents of a BVH file: nodes in file order, seconds per frame, values (T, all channels), and what is odd."""
+    """The contents of a BVH file whose numbers are read as they are asked for.
+
+    Attributes:
+        nodes: in file order.
+        frame_time: seconds per frame.
+        frames: as many as the file says; it may hold more.
+        rows: pieces (n, all channels) of the numbers, in order, while the file is open.
+        notes: what is odd; whole when all rows were read.
+    """
 
     nodes: list[Node]
     frame_time: float
-    values: np.ndarray
-    notes: tuple[str, ...] = ()
+    frames: int
+    rows: Iterator[np.ndarray]
+    notes: list[str] = field(default_factory=list)
 
 
-def parse(text: str, name: object) -> RawBVH:
+def parse(file: BinaryIO, name: object, told: Told = lambda count: None) -> RawBVH:
     """Parse a BVH file.
 
     Args:
-        text: the contents.
+        file: its bytes, as `text_stream` opens them; it stays open until the rows were read.
         name: what to call the file in errors.
+        told: is told of bytes that were read.
 
     Raises:
-        InputError: names the file, the line and the rule that it breaks.
+        InputError: names the file, the line and the rule that it breaks; of its numbers, as they are read.
     """
-    lines = text.rstrip(_ENDS).splitlines()
+    end = text_end(file)
+    file.seek(0)
+    head = _head(file, end)
+    told(len(head))
+    lines = decoded(head).splitlines()
     nodes, at = _hierarchy(lines, name)
-    frames, frame_time, at = _header(lines, at, name)
-    width = sum(len(node.channels) for node in nodes)
-    if width == 0:
+    frames, frame_time = _header(lines, at, name)
+    if not any(node.channels for node in nodes):
         raise InputError(name, "no CHANNELS", "at least one joint must move")
-    values = _numbers(lines, at, frames, width, name)
-    check_extent(name, f"{len(values):,} frames of {len(nodes):,} joints", len(values) * len(nodes), len(text))
-    notes = ()
-    if len(values) > frames:
-        notes = (f"Frames: says {frames}, the file holds {len(values)}; all of them were read",)
-    return RawBVH(nodes, frame_time, values, notes)
+    raw = RawBVH(nodes, frame_time, frames, iter(()))
+    raw.rows = _rows(raw, _Numbers(file, len(head), end, len(lines)), name, told)
+    return raw
+
+
+def _head(file: BinaryIO, end: int) -> bytes:
+    """The lines before the first one of numbers."""
+    lines, keys = [], set()
+    for line in text_lines(file, end):
+        lines.append(line)
+        keys.add(_key(line.partition(b":")[0].decode("latin-1")))
+        if set(_HEADER) <= keys:
+            break
+    return b"".join(lines)
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """Where a file's numbers stand: from byte `start` to `end`, after `lines` lines."""
+
+    file: BinaryIO
+    start: int
+    end: int
+    lines: int
 
 
 def _fail(name: object, line: int, value: object, rule: str) -> InputError:
@@ -151,57 +185,76 @@ def _property(words: list[str], at: int, node: Node, name: object, line: int) ->
     return at + 2 + int(count)
 
 
-def _header(lines: list[str], at: int, name: object) -> tuple[int, float, int]:
-    """Frames, frame time, and the index of the first line of numbers."""
+def _key(text: str) -> str:
+    return " ".join(text.lower().split())
+
+
+def _header(lines: list[str], at: int, name: object) -> tuple[int, float]:
+    """Frames and frame time."""
     found: dict[str, float] = {}
     for i in range(at, len(lines)):
         line = lines[i].strip()
         if not line:
             continue
-        key, _, value = line.partition(":")
-        key = " ".join(key.lower().split())
-        if key not in ("frames", "frame time"):
+        before, _, value = line.partition(":")
+        key = _key(before)
+        if key not in _HEADER:
             raise _fail(name, i, line, "expected 'Frames: <count>' and 'Frame Time: <seconds>' after MOTION")
         (found[key],) = _floats(value.split(), 1, name, i, key)
         if not 0 < found[key] < FARTHEST or (key == "frames" and found[key] != int(found[key])):
             kind = "a whole number " * (key == "frames")
             raise _fail(name, i, value.strip(), f"{key} must be {kind}above 0 and below {FARTHEST:g}")
         if len(found) == 2:
-            return int(found["frames"]), found["frame time"], i + 1
+            return int(found["frames"]), found["frame time"]
     raise _fail(name, len(lines) - 1, "end of file", "'Frames:' and 'Frame Time:' must follow MOTION")
 
 
-def _numbers(lines: list[str], at: int, frames: int, width: int, name: object) -> np.ndarray:
-    """All channel values (frames or more, width), parsed at once; on trouble the first wrong line is looked up."""
-    with warnings.catch_warnings():
-        # numpy warns (or, later, raises) where text is not a number; the line search below says where.
-        warnings.simplefilter("error", DeprecationWarning)
-        try:
-            values = np.fromstring(" ".join(lines[at:]), sep=" ")
-        except (ValueError, DeprecationWarning):
-            values = np.empty(0)
-    if values.size >= frames * width and values.size % width == 0 and np.isfinite(values).all():
-        return values.reshape(-1, width)
-    raise _numbers_error(lines, at, frames, width, name)
+def _rows(raw: RawBVH, at: _Numbers, name: object, told: Told) -> Iterator[np.ndarray]:
+    """The frames' channel values; on trouble the first wrong line is looked up."""
+    width = sum(len(node.channels) for node in raw.nodes)
+    if raw.frames * width * 2 - 1 > at.end - at.start:  # a number takes two bytes with the space before it
+        raise _numbers_error(raw.frames, width, at, name)
+    read, frames = 0, raw.frames
+    check_extent(name, _shown(raw, frames), frames * len(raw.nodes), at.end)
+    at.file.seek(at.start)
+    try:
+        for rows in number_rows(at.file, at.end, width, told):
+            read += len(rows)
+            check_extent(name, _shown(raw, read), read * len(raw.nodes), at.end)
+            yield rows
+    except InputError:
+        raise
+    except ValueError:
+        raise _numbers_error(frames, width, at, name) from None
+    if read < frames:
+        raise _numbers_error(frames, width, at, name)
+    if read > frames:
+        raw.notes.append(f"Frames: says {frames}, the file holds {read}; all of them were read")
 
 
-def _numbers_error(lines: list[str], at: int, frames: int, width: int, name: object) -> InputError:
-    rows = 0
-    for i in range(at, len(lines)):
-        tokens = lines[i].split()
-        if not tokens:
+def _shown(raw: RawBVH, frames: int) -> str:
+    return f"{frames:,} frames of {len(raw.nodes):,} joints"
+
+
+def _numbers_error(frames: int, width: int, at: _Numbers, name: object) -> InputError:
+    rows, i = 0, at.lines
+    at.file.seek(at.start)
+    for i, line in enumerate(text_lines(at.file, at.end), at.lines):
+        text = line.strip()
+        if not text:
             continue
         rows += 1
         try:
-            numbers = np.array(tokens, np.float64)
+            numbers = numbers_of(text)
         except ValueError:
-            return _fail(name, i, lines[i].strip(), f"frame {rows} must hold numbers only")
-        if not np.isfinite(numbers).all():
-            return _fail(name, i, tokens[int(np.argmin(np.isfinite(numbers)))], f"frame {rows} must be finite")
-        if len(tokens) != width:
-            return _fail(name, i, f"{len(tokens)} values", f"frame {rows} must hold {width} (as many as CHANNELS)")
+            return _fail(name, i, text.decode("latin-1"), f"frame {rows} must hold numbers only")
+        if not (finite := np.isfinite(numbers)).all():
+            token = text.split()[int(np.argmin(finite))].decode("latin-1")
+            return _fail(name, i, token, f"frame {rows} must be finite")
+        if len(numbers) != width:
+            return _fail(name, i, f"{len(numbers)} values", f"frame {rows} must hold {width} (as many as CHANNELS)")
     why = " (is the file truncated?)" if rows < frames else ""
-    return _fail(name, max(len(lines) - 1, 0), f"{rows} frames", f"Frames: says {frames}{why}")
+    return _fail(name, max(i, at.lines - 1), f"{rows} frames", f"Frames: says {frames}{why}")
 
 
 def render(nodes: list[Node], frame_time: float, values: np.ndarray) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.formats.animated_rig import Track, kept, stretches
 from motionary.formats.read.extent import FARTHEST
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
@@ -19,38 +20,6 @@ from motionary.motion.skeleton import NAMED
 from motionary.motion.tree import roles_by_tree
 
 _WRITTEN = 5e-4  # metres; where rotations miss a joint by more, a file gets that joint's translation too
-
-
-@dataclass(frozen=True)
-class Track:
-    """An animated rig in the file's own unit and axes.
-
-    Attributes:
-        joints: (J,) names, parents before children.
-        parents: (J,) indices, -1 for the root.
-        rotations: (T, J, 4) local unit quaternions xyzw.
-        translations: (T, J, 3) of each joint from its parent, in the parent's frame; the root's is global.
-    """
-
-    joints: tuple[str, ...]
-    parents: tuple[int, ...]
-    rotations: np.ndarray
-    translations: np.ndarray
-
-    def place(self) -> tuple[np.ndarray, np.ndarray]:
-        """Global positions (T, J, 3) and rotations (T, J, 4)."""
-        positions, rotations = self.translations.copy(), self.rotations.copy()
-        for j, p in enumerate(self.parents[1:], 1):
-            positions[:, j] = positions[:, p] + quat_action(rotations[:, p], self.translations[:, j])
-            rotations[:, j] = quat_product(rotations[:, p], self.rotations[:, j])
-        return positions, rotations
-
-    @property
-    def offsets(self) -> np.ndarray:
-        """(J, 3) rest offsets: the median translation over time; zero for the root."""
-        offsets = np.median(self.translations, axis=0)
-        offsets[0] = 0
-        return offsets
 
 
 def to_motion(track: Track, fps: float, file: object, options: ReadingOptions) -> tuple[Motion, Reading]:
@@ -65,27 +34,30 @@ def to_motion(track: Track, fps: float, file: object, options: ReadingOptions) -
     Raises:
         InputError: a mapping does not fit, or the result is not a valid motion.
     """
-    if (far := float(max(track.translations.max(), -track.translations.min()))) > FARTHEST:
+    if (far := max(float(np.abs(places).max()) for places in (track.offsets, *track.moves.values()))) > FARTHEST:
         raise InputError(file, f"{far:.3g}", f"offsets and positions must lie within {FARTHEST:g} units")
     track = _without_placement_nodes(track)
-    positions, _ = track.place()
-    rest = track.offsets
+    positions = track.place()
+    rest = track.rest
     track, roles, source, notes = _cast(track, positions, rest, options)
     resting = np.zeros_like(rest)
     for j, p in enumerate(track.parents[1:], 1):
         resting[j] = resting[p] + rest[j]
     settled = settle(positions, roles, fps, options, resting, _longest_chain(track, rest))
     settled = with_roles(settled, source, notes)
-    reading = settled.reading
-    positions, rotations = settled.points(positions), settled.rotations(track.rotations)
+    reading, rotations = settled.reading, track.rotations
+    for some in stretches(len(positions)):
+        positions[some] = settled.points(positions[some].astype(np.float64))
+        rotations[some] = settled.rotations(rotations[some].astype(np.float64))
     skip = _starts_with_t_pose(roles, positions) if options.skip_first is None else options.skip_first
     if skip and len(positions) > 1:
         positions, rotations = positions[1:], rotations[1:]
         reading = replace(reading, skipped_first=True)
     try:
         skeleton, order = _skeleton(track, settled.offsets(rest))
-        positions, rotations = positions[:, order], rotations[:, order]
-        return Motion(positions.astype(np.float32), fps, skeleton, rotations.astype(np.float32)), reading
+        if order != list(range(len(order))):
+            positions, rotations = kept(positions, order), kept(rotations, order)
+        return Motion(positions, fps, skeleton, rotations), reading
     except InputError as error:
         raise InputError(f"{file}, {error.what}", error.value, error.rule) from None
 
@@ -103,7 +75,7 @@ def _cast(
         renamed, source = read_mapping(options.mapping, track.joints), "mapping"
     elif not all(role in roles for role in REQUIRED):
         some = np.unique(np.linspace(0, len(positions) - 1, 50).astype(int))
-        if renamed := roles_by_tree(track.joints, track.parents, rest, positions[some]):
+        if renamed := roles_by_tree(track.joints, track.parents, rest, positions[some].astype(np.float64)):
             source = "tree"
             notes.append("left and right were told by the motion, not by names: joints are called by their roles")
     joints = track.joints
@@ -138,14 +110,11 @@ def _without_placement_nodes(track: Track) -> Track:
 
     Its child's translation is animated, which rotations on constant bones could not express.
     """
-    while sum(p == 0 for p in track.parents) == 1:
-        away = np.abs(track.translations[:, 1] - track.translations[:1, 1]).max()
-        if away <= 1e-3 * np.linalg.norm(track.offsets[2:], axis=-1).max(initial=0):
+    while sum(p == 0 for p in track.parents) == 1 and 1 in track.moves:
+        away = np.abs(track.moves[1] - track.moves[1][0]).max()
+        if away <= 1e-3 * np.linalg.norm(track.rest[2:], axis=-1).max(initial=0):
             break
-        positions, rotations = track.place()
-        local, moved = track.rotations[:, 1:].copy(), track.translations[:, 1:].copy()
-        local[:, 0], moved[:, 0] = rotations[:, 1], positions[:, 1]
-        track = Track(track.joints[1:], tuple(p - 1 for p in track.parents[1:]), local, moved)
+        track = track.without_root()
     return track
 
 
@@ -167,9 +136,16 @@ def _starts_with_t_pose(roles: Mapping[str, int], positions: np.ndarray) -> bool
             bone = first[f"{side}_{end}"] - first[f"{side}_{begin}"]
             if bone @ line * sign < np.cos(np.radians(25)) * np.linalg.norm(bone) * np.linalg.norm(line):
                 return False
-    local = positions - positions[:, :1]
-    steps = np.linalg.norm(np.diff(local, axis=0), axis=-1).mean(-1)
+    steps = np.concatenate(
+        [_steps(positions[max(some.start - 1, 0) : some.stop]) for some in stretches(len(positions))]
+    )
     return bool(steps[0] > 0.05 and steps[0] > 5 * np.percentile(steps[1:], 95))
+
+
+def _steps(positions: np.ndarray) -> np.ndarray:
+    """(T-1,) how far the joints move on average from each frame to the next, relative to the root."""
+    local = positions.astype(np.float64) - positions[:, :1]
+    return np.linalg.norm(np.diff(local, axis=0), axis=-1).mean(-1)
 
 
 @dataclass(frozen=True)

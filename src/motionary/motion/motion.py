@@ -51,9 +51,10 @@ class Motion:
         rotations = _array("rotations", self.rotations, (joints, 4))
         if len(rotations) != len(self.positions):
             raise InputError("rotations", rotations.shape, f"as many frames as positions ({len(self.positions)})")
-        norms = np.linalg.norm(rotations, axis=-1)
-        if np.abs(norms - 1).max() > 1e-3:
-            raise InputError("rotations", f"norms {norms.min():.4f} to {norms.max():.4f}", "unit quaternions xyzw")
+        squares = np.einsum("tjc,tjc->tj", rotations, rotations)
+        low, high = np.sqrt(squares.min()), np.sqrt(squares.max())
+        if low < 1 - 1e-3 or high > 1 + 1e-3:
+            raise InputError("rotations", f"norms {low:.4f} to {high:.4f}", "unit quaternions xyzw")
         object.__setattr__(self, "rotations", rotations)
 
     @property

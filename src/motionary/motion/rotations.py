@@ -38,11 +38,20 @@ def quat_conjugation(q: np.ndarray) -> np.ndarray:
     return q * np.array([-1, -1, -1, 1], q.dtype)
 
 
-def quat_action(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
-    u, w = q[..., :3], q[..., 3:]
-    t = 2 * np.cross(u, v)
-    return v + w * t + np.cross(u, t)
+def quat_action(q: np.ndarray, v: np.ndarray, axis: int = -1) -> np.ndarray:
+    """Vectors (..., 3) turned by unit quaternions (..., 4), broadcast; `axis` holds the components of both."""
+    ux, uy, uz, w = np.moveaxis(q, axis, 0)
+    vx, vy, vz = np.moveaxis(v, axis, 0)
+    # t = 2 u x v; v + w t + u x t
+    tx, ty, tz = 2 * (uy * vz - uz * vy), 2 * (uz * vx - ux * vz), 2 * (ux * vy - uy * vx)
+    return np.stack(
+        [
+            vx + w * tx + (uy * tz - uz * ty),
+            vy + w * ty + (uz * tx - ux * tz),
+            vz + w * tz + (ux * ty - uy * tx),
+        ],
+        axis=axis,
+    )
 
 
 def quat_continuation(q: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 
 import bvhio
@@ -90,7 +91,7 @@ def test_a_second_reader_finds_the_joints_where_they_were_put(person, character,
 def test_real_rigs_keep_their_hierarchy(shared_data, person, tmp_path, name):
     path = shared_data / "bvh" / "motions" / f"{name}.bvh"
     write_motion(person, tmp_path / "out.bvh", onto=path)
-    ours, theirs = (parse(p.read_text(), p) for p in (tmp_path / "out.bvh", path))
+    ours, theirs = (parse(io.BytesIO(p.read_bytes()), p) for p in (tmp_path / "out.bvh", path))
     assert [(n.name, n.parent, n.channels) for n in ours.nodes] == [
         (n.name, n.parent, n.channels) for n in theirs.nodes
     ]

@@ -46,7 +46,8 @@ def read_motion(
         mapping: the joint's name by role, for a rig that is not known (a dict or a JSON file); it may hold the keys
             ``up``, ``unit``, ``mirror`` and ``skip_first`` too. See :func:`motionary.motion.name_joints`.
         options: ``up``, ``unit``, ``mirror`` and ``skip_first`` (see `ReadingOptions`) and ``fps`` for all formats,
-            ``skeleton`` for arrays, ``asf`` for AMC. None means not given.
+            ``skeleton`` for arrays, ``asf`` for AMC. ``progress=True`` shows a bar while a long text file is read. None
+            means not given.
 
     Returns:
         The motion in metres, y up.

@@ -8,17 +8,21 @@ parent's direction times length.
 from __future__ import annotations
 
 import os
+from array import array
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import read_text
+from motionary.files import decoded, read_text, text_stream
+from motionary.formats.animated_rig import Track, stretches
+from motionary.formats.number_rows import Told, reading_bar, text_lines
 from motionary.formats.read.asf import MOVES, TURNS, AcclaimRig, parse_asf
 from motionary.formats.read.extent import check_extent
 from motionary.formats.read.reading_options import Reading, ReadingOptions
-from motionary.formats.tracks import Track, to_motion
+from motionary.formats.tracks import to_motion
 from motionary.motion import Motion
 from motionary.motion.rotations import euler_to_unitquat, quat_conjugation, quat_product
 
@@ -53,14 +57,16 @@ def amc_with(
         InputError: a missing ASF, an unknown bone, a wrong count or value: file, line and rule.
     """
     path, options = Path(path), options or ReadingOptions()
-    text = read_text(path)
-    rig_path = _find_asf(path) if asf is None else Path(asf)
-    rig = parse_asf(read_text(rig_path), rig_path)
-    values, degrees = _parse_amc(text, rig, path)
-    frames = max(map(len, values.values()), default=1)
+    with text_stream(path) as file, reading_bar(file, path, options.progress) as told:
+        rig_path = _find_asf(path) if asf is None else Path(asf)
+        rig = parse_asf(read_text(rig_path), rig_path)
+        size = file.seek(0, 2)
+        file.seek(0)
+        values, degrees, frames = _parse_amc(_lines(file, size, told), rig, path)
     joints = 2 * len(rig.bones)  # with the ends of chains
-    check_extent(path, f"{frames:,} frames of {len(rig.bones)} bones", frames * joints, len(text))
-    track = _track(rig, values, degrees)
+    check_extent(path, f"{frames:,} frames of {len(rig.bones)} bones", frames * joints, size)
+    track = _track(rig, values, degrees, frames)
+    del values
     if abs(rig.length - 0.45) < 1e-6:
         options = options.over(ReadingOptions(unit="cmu"))
     return to_motion(track, fps, path, options)
@@ -77,53 +83,60 @@ def _find_asf(path: Path) -> Path:
     return found[0]
 
 
-def _parse_amc(text: str, rig: AcclaimRig, name: object) -> tuple[dict[str, np.ndarray], bool]:
-    """Each moving bone's values (T, its dof), and whether angles are degrees."""
-    moving = [bone.name for bone in rig.bones.values() if bone.dof]
-    frames: list[dict[str, list[float]]] = []
-    degrees, frame_line = rig.degrees, 0
-    for i, line in enumerate(text.splitlines(), 1):
+def _lines(file: BinaryIO, end: int, told: Told) -> Iterator[str]:
+    for line in text_lines(file, end):
+        told(len(line))
+        yield line.decode("ascii") if line.isascii() else decoded(line)
+
+
+def _parse_amc(lines: Iterable[str], rig: AcclaimRig, name: object) -> tuple[dict[str, np.ndarray], bool, int]:
+    """Each moving bone's values (T, its dof), whether angles are degrees, and T."""
+    values = {bone.name: array("d") for bone in rig.bones.values() if bone.dof}
+    degrees, frames, frame_line = rig.degrees, 0, 0
+    for i, line in enumerate(lines, 1):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
         if words[0].startswith(":"):
             degrees = {":degrees": True, ":radians": False}.get(words[0].lower(), degrees)
         elif len(words) == 1 and words[0].isdigit():
-            _complete(frames, moving, name, frame_line)
-            frames.append({})
-            frame_line = i
+            _complete(values, rig, frames, f"{name}, line {frame_line}")
+            frames, frame_line = frames + 1, i
         else:
-            _amc_line(frames, rig, words, f"{name}, line {i}")
+            _amc_line(values, frames, rig, words, f"{name}, line {i}")
     if not frames:
         raise InputError(name, "no frames", "an AMC file must hold numbered frames")
-    _complete(frames, moving, name, frame_line)
-    values = {bone: np.array([frame[bone] for frame in frames]) for bone in moving}
-    for bone, array in values.items():
-        if not np.isfinite(array).all():
-            at = int(np.argwhere(~np.isfinite(array))[0, 0])
+    _complete(values, rig, frames, f"{name}, line {frame_line}")
+    found = {bone: np.frombuffer(numbers).reshape(frames, -1) for bone, numbers in values.items()}
+    for bone, numbers in found.items():
+        if not np.isfinite(numbers).all():
+            at = int(np.argwhere(~np.isfinite(numbers))[0, 0])
             raise InputError(name, f"frame {at + 1}, bone {bone}", "values must be finite")
-    return values, degrees
+    return found, degrees, frames
 
 
-def _amc_line(frames: list[dict[str, list[float]]], rig: AcclaimRig, words: list[str], where: str) -> None:
+def _amc_line(values: dict[str, array], frames: int, rig: AcclaimRig, words: list[str], where: str) -> None:
+    """Adds a bone's values of the frame that is read, the last of `frames`."""
     bone = rig.bones.get(words[0])
     if bone is None or not frames:
         raise InputError(where, words[0], "must be a bone of the ASF file" if frames else "a frame number comes first")
     if len(words) - 1 != len(bone.dof):
         raise InputError(where, " ".join(words), f"{bone.name} has {len(bone.dof)} degrees of freedom")
     try:
-        frames[-1][bone.name] = [float(word) for word in words[1:]]
+        numbers = [float(word) for word in words[1:]]
     except ValueError:
         raise InputError(where, " ".join(words), "values must be numbers") from None
+    if numbers:
+        del values[bone.name][(frames - 1) * len(numbers) :]  # of a bone that comes twice, the later ones
+        values[bone.name].extend(numbers)
 
 
-def _complete(frames: list[dict[str, list[float]]], moving: list[str], name: object, line: int) -> None:
-    if frames and (missing := [bone for bone in moving if bone not in frames[-1]]):
-        raise InputError(f"{name}, line {line}", ", ".join(missing), f"frame {len(frames)} lacks these (truncated?)")
+def _complete(values: dict[str, array], rig: AcclaimRig, frames: int, where: str) -> None:
+    if missing := [bone for bone, numbers in values.items() if len(numbers) < frames * len(rig.bones[bone].dof)]:
+        raise InputError(where, ", ".join(missing), f"frame {frames} lacks these (truncated?)")
 
 
-def _track(rig: AcclaimRig, values: dict[str, np.ndarray], degrees: bool) -> Track:
-    frames = len(next(iter(values.values()))) if values else 1
+def _track(rig: AcclaimRig, values: dict[str, np.ndarray], degrees: bool, frames: int) -> Track:
     names = ["root"]
     for name in names:  # grows while it runs: parents before children
         names += [child for child, parent in rig.parents.items() if parent == name]
@@ -132,22 +145,20 @@ def _track(rig: AcclaimRig, values: dict[str, np.ndarray], degrees: bool) -> Tra
         if name not in rig.parents.values() and np.any(rig.bones[name].vector):
             joints.append(f"{name}_end")
             parents.append(names.index(name))
-    rotations = np.zeros((frames, len(joints), 4))
-    rotations[..., 3] = 1
-    translations = np.zeros((frames, len(joints), 3))
-    translations[:, 0] = rig.position
+    rotations = np.empty((frames, len(joints), 4), np.float32)
+    rotations[:] = (0, 0, 0, 1)
+    offsets = np.array([rig.bones[names[parents[j]]].vector if j else rig.position for j in range(len(joints))])
+    moves = {}
     for j, name in enumerate(joints):
-        if j:
-            translations[:, j] = rig.bones[names[parents[j]]].vector
         if name not in values:
             continue
         bone = rig.bones[name]
         turns = [c for c, dof in enumerate(bone.dof) if dof in TURNS][::-1]  # the first one turns first
-        angles = values[name][:, turns]
-        local = euler_to_unitquat([TURNS[bone.dof[c]] for c in turns], np.radians(angles) if degrees else angles)
-        axis = np.broadcast_to(bone.axis, local.shape)
-        rotations[:, j] = quat_product(quat_product(axis, local), quat_conjugation(axis))
-        for c, dof in enumerate(bone.dof):
-            if dof in MOVES:
-                translations[:, j, MOVES[dof]] += values[name][:, c]
-    return Track(tuple(joints), tuple(parents), rotations, translations)
+        for some in stretches(frames):
+            angles = values[name][some, turns]
+            local = euler_to_unitquat([TURNS[bone.dof[c]] for c in turns], np.radians(angles) if degrees else angles)
+            rotations[some, j] = quat_product(quat_product(bone.axis, local), quat_conjugation(bone.axis))
+        if places := [c for c, dof in enumerate(bone.dof) if dof in MOVES]:
+            moves[j] = np.repeat(offsets[None, j], frames, axis=0)
+            moves[j][:, [MOVES[bone.dof[c]] for c in places]] += values[name][:, places]
+    return Track(tuple(joints), tuple(parents), rotations, offsets, moves)

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import read_text
-from motionary.formats.bvh_text import RawBVH, parse
+from motionary.files import text_stream
+from motionary.formats.animated_rig import Track
+from motionary.formats.bvh_text import Node, RawBVH, parse
+from motionary.formats.number_rows import reading_bar
 from motionary.formats.read.reading_options import Reading, ReadingOptions
-from motionary.formats.tracks import Track, to_motion
+from motionary.formats.tracks import to_motion
 from motionary.motion import Motion
 from motionary.motion.motion import FASTEST_RATE, SLOWEST_RATE
 from motionary.motion.rotations import euler_to_unitquat
@@ -42,9 +44,12 @@ def bvh_with(
     Raises:
         InputError: unreadable, truncated, wrong counts, or numbers that are not finite: file, line and rule.
     """
-    raw = parse(read_text(path), path)
-    rate = _rate(raw.frame_time, path) if fps is None else fps
-    motion, reading = to_motion(_track(raw), rate, path, options or ReadingOptions())
+    options = options or ReadingOptions()
+    with text_stream(path) as file, reading_bar(file, path, options.progress) as told:
+        raw = parse(file, path, told)
+        rate = _rate(raw.frame_time, path) if fps is None else fps
+        track = track_of(raw)
+    motion, reading = to_motion(track, rate, path, options)
     return motion, replace(reading, notes=(*raw.notes, *reading.notes))
 
 
@@ -62,28 +67,49 @@ def _rate(frame_time: float, file: object) -> float:
     return float(round(fps)) if round(fps) and abs(fps / round(fps) - 1) < 5e-4 else fps
 
 
-def _track(raw: RawBVH) -> Track:
-    """Local rotations and translations of every joint, and of end sites that have a length."""
-    frames = len(raw.values)
+def track_of(raw: RawBVH) -> Track:
+    """Local rotations and translations of every joint, and of end sites that have a length; reads the file's rows."""
     kept = [i for i, node in enumerate(raw.nodes) if not node.end or np.any(node.offset or 0)]
     new = {old: i for i, old in enumerate(kept)} | {-1: -1}
-    rotations = np.zeros((frames, len(kept), 4))
-    rotations[..., 3] = 1
-    translations = np.zeros((frames, len(kept), 3))
-    first = np.cumsum([0] + [len(node.channels) for node in raw.nodes])
-    for i, old in enumerate(kept):
-        node = raw.nodes[old]
-        translations[:, i] = node.offset or (0.0, 0.0, 0.0)
-        values = raw.values[:, first[old] : first[old + 1]]
-        turns = [c for c, (kind, _) in enumerate(node.channels) if kind == "rotation"]
-        places = [c for c, (kind, _) in enumerate(node.channels) if kind == "position"]
-        # Some programs declare position channels and never fill them; the OFFSET is then where the joint is.
-        if i == 0 or np.any(values[:, places]):
-            translations[:, i, [node.channels[c][1] for c in places]] = values[:, places]
-        if turns:
-            rotations[:, i] = euler_to_unitquat([node.channels[c][1] for c in turns], np.radians(values[:, turns]))
-    parents = tuple(new[raw.nodes[old].parent] for old in kept)
-    return Track(_unique([raw.nodes[old].name for old in kept]), parents, rotations, translations)
+    nodes = [raw.nodes[old] for old in kept]
+    first = np.cumsum([0] + [len(node.channels) for node in raw.nodes])[kept]
+    turns, places = _columns(nodes, first, "rotation"), _columns(nodes, first, "position")
+    offsets = np.array([node.offset or (0.0, 0.0, 0.0) for node in nodes])
+    rotations = np.empty((raw.frames, len(nodes), 4), np.float32)
+    moves = {joint: np.empty((raw.frames, 3)) for _, joints, _ in places for joint in joints}
+    frames, filled = 0, set()
+    for rows in raw.rows:
+        start, frames = frames, frames + len(rows)
+        if frames > len(rotations):  # more than the file says
+            rotations, moves = _longer(rotations), {joint: _longer(array) for joint, array in moves.items()}
+        rotations[start:frames] = (0, 0, 0, 1)
+        for axes, joints, columns in turns:
+            rotations[start:frames, joints] = euler_to_unitquat(axes, np.radians(rows[:, columns]))
+        for axes, joints, columns in places:
+            for joint, of_joint in zip(joints, columns, strict=True):
+                moves[joint][start:frames] = offsets[joint]
+                moves[joint][start:frames, axes] = rows[:, of_joint]
+                # Some programs declare position channels and never fill them; the OFFSET is then where the joint is.
+                if joint == 0 or joint in filled or rows[:, of_joint].any():
+                    filled.add(joint)
+    moved = {joint: moves[joint][:frames] for joint in sorted(filled)}
+    parents = tuple(new[node.parent] for node in nodes)
+    return Track(_unique([node.name for node in nodes]), parents, rotations[:frames], offsets, moved)
+
+
+def _columns(nodes: list[Node], first: np.ndarray, kind: str) -> list[tuple[list[int], list[int], np.ndarray]]:
+    """For joints with the same channels of a kind: their axes, the joints, and the channels' columns (joints, axes)."""
+    found: dict[tuple[int, ...], tuple[list[int], list[list[int]]]] = {}
+    for joint, node in enumerate(nodes):
+        if at := [c for c, (what, _) in enumerate(node.channels) if what == kind]:
+            joints, columns = found.setdefault(tuple(node.channels[c][1] for c in at), ([], []))
+            joints.append(joint)
+            columns.append([int(first[joint]) + c for c in at])
+    return [(list(axes), joints, np.array(columns)) for axes, (joints, columns) in found.items()]
+
+
+def _longer(array: np.ndarray) -> np.ndarray:
+    return np.concatenate([array, np.empty_like(array)])
 
 
 def _unique(names: list[str]) -> tuple[str, ...]:

@@ -29,6 +29,7 @@ class ReadingOptions:
         skip_first: drop the first frame, a calibration pose.
         mapping: joint name by role, for rigs that are not known.
         usual: by "up", "unit" and "mirror", log-odds by value in favour of what other files of the same rig hold.
+        progress: show a bar while a text file is read that takes longer than a second.
 
     Raises:
         InputError: an option has no such value.
@@ -40,6 +41,7 @@ class ReadingOptions:
     skip_first: bool | None = None
     mapping: Mapping[str, str] | None = field(default=None, hash=False)
     usual: Mapping[str, Mapping[str, float]] | None = field(default=None, hash=False)
+    progress: bool | None = None
 
     def __post_init__(self):
         if self.up is not None:

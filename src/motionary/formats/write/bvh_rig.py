@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from motionary.files import read_text, write_bytes
-from motionary.formats.bvh_text import RawBVH, parse, render
-from motionary.formats.read.bvh import _track, read_bvh
+from motionary.files import text_stream, write_bytes
+from motionary.formats.animated_rig import Track
+from motionary.formats.bvh_text import Node, parse, render
+from motionary.formats.read.bvh import read_bvh, track_of
 from motionary.motion import Motion
 from motionary.motion.rigging import Rig, to_rig
 from motionary.motion.rotations import rotmat_to_unitquat, unitquat_to_euler, unitquat_to_rotmat
@@ -21,24 +22,27 @@ def write_bvh_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
     Raises:
         InputError: the rig's file is not readable or lacks a role, or the place cannot be written.
     """
-    raw, own = parse(read_text(onto), onto), read_bvh(onto)
+    with text_stream(onto) as file:
+        raw = parse(file, onto)
+        track = track_of(raw)
+    own = read_bvh(onto)
     moved = to_rig(motion, Rig.of(own.skeleton, own.rotations))
-    return write_bytes(path, render(raw.nodes, 1 / motion.fps, _values(raw, moved)), force)
+    return write_bytes(path, render(raw.nodes, 1 / motion.fps, _values(raw.nodes, track, moved)), force)
 
 
-def _values(raw: RawBVH, motion: Motion) -> np.ndarray:
+def _values(nodes: list[Node], track: Track, motion: Motion) -> np.ndarray:
     """The channels' values (T, C) in the file's unit and axes."""
     assert motion.rotations is not None
-    track, skeleton = _track(raw), motion.skeleton
+    skeleton = motion.skeleton
     place = {name: j for j, name in enumerate(skeleton.joints)}
     joints = iter(track.joints)
     # End sites without a length are no joints; a node that only carries the root is none of the skeleton's.
-    names = [None if node.end and not np.any(node.offset or 0) else next(joints) for node in raw.nodes]
-    turn, unit = _axes_and_unit(track.joints, track.offsets, motion)
+    names = [None if node.end and not np.any(node.offset or 0) else next(joints) for node in nodes]
+    turn, unit = _axes_and_unit(track.joints, track.rest, motion)
     local = turn.T @ unitquat_to_rotmat(motion.rotations) @ turn
     root = motion.positions[:, 0].astype(np.float64) @ turn / unit
     columns = []
-    for node, name in zip(raw.nodes, names, strict=True):
+    for node, name in zip(nodes, names, strict=True):
         joint = place.get(name) if name is not None else None
         still = np.zeros(3) if joint is None and node.parent < 0 else np.array(node.offset or (0.0, 0.0, 0.0))
         moves = root if joint == 0 else np.broadcast_to(still, root.shape)

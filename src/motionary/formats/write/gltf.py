@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from motionary.files import writable, write_bytes
+from motionary.formats.animated_rig import place
 from motionary.formats.render.mesh import Body, capsules, mannequin, rest_positions
-from motionary.formats.tracks import Locals, Track, to_locals
+from motionary.formats.tracks import Locals, to_locals
 from motionary.motion import Motion
 from motionary.motion.rotations import quat_continuation, unitquat_to_rotmat
 
@@ -126,7 +127,7 @@ def _body(local: Locals) -> tuple[Body, np.ndarray]:
         inverse[:, :3, 3] = -rest_positions(skeleton)
         return figure, inverse
     # Rest poses of other rigs can be anything (all bones along one axis): bind to the first frame instead.
-    positions, rotations = Track(skeleton.joints, skeleton.parents, local.rotations[:1], local.translations[:1]).place()
+    positions, rotations = place(skeleton.parents, local.rotations[:1], local.translations[:1])
     back = unitquat_to_rotmat(rotations[0]).transpose(0, 2, 1)
     inverse[:, :3, :3] = back
     inverse[:, :3, 3] = -(back @ positions[0, :, :, None])[..., 0]

@@ -1,0 +1,106 @@
+"""The numbers of a long text, read a piece at a time: memory for a piece, however long the file is."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+PIECE = 1 << 21  # bytes
+SLOW = 1.0  # s after which a bar is shown
+_ENDS = b" \t\r\n\x00\x1a"  # what may stand after the last number: DOS marks the end of a text with 0x1A
+_SPACES = (b"\n", b"\r", b" ", b"\t")
+
+Told = Callable[[int], object]  # is told of bytes that were read
+
+
+@contextmanager
+def reading_bar(file: BinaryIO, path: str | os.PathLike, shown: bool | None) -> Iterator[Told]:
+    """A bar of the bytes read, with their speed, where `shown` and if it takes longer than a second.
+
+    Args:
+        file: what is read.
+        path: its name, for people.
+        shown: whether there is a bar at all.
+
+    Yields:
+        What is to be told of each number of bytes that were read.
+    """
+    if not shown:
+        yield lambda count: None
+        return
+    from tqdm import tqdm
+
+    size = file.seek(0, 2)
+    with tqdm(desc=Path(path).name, total=size, unit="B", unit_scale=True, delay=SLOW) as bar:
+        yield bar.update
+
+
+def text_end(file: BinaryIO) -> int:
+    """Bytes up to the last that is neither white space nor filling."""
+    at = file.seek(0, 2)
+    while at > 0:
+        start = max(at - 4096, 0)
+        file.seek(start)
+        if tail := file.read(at - start).rstrip(_ENDS):
+            return start + len(tail)
+        at = start
+    return 0
+
+
+def text_lines(file: BinaryIO, end: int) -> Iterator[bytes]:
+    """The lines from where the file stands up to byte `end`, with their ends."""
+    rest: list[bytes] = []  # of a line that goes on
+    while piece := file.read(min(PIECE, end - file.tell())):
+        rest.append(piece)
+        if b"\n" in piece or b"\r" in piece:
+            lines = b"".join(rest).splitlines(keepends=True)
+            rest = [lines.pop()]  # a piece may end between \r and \n
+            yield from lines
+    yield from b"".join(rest).splitlines(keepends=True)
+
+
+def number_rows(file: BinaryIO, end: int, width: int, told: Told) -> Iterator[np.ndarray]:
+    """The numbers from where the file stands up to byte `end`, as rows (n, width) float64, piece by piece.
+
+    Raises:
+        ValueError: what stands there is no number, not finite, or ends in the middle of a row.
+    """
+    rest, left = b"", np.empty(0)
+    while piece := file.read(min(PIECE, end - file.tell())):
+        told(len(piece))
+        text = rest + piece
+        cut = len(text) if file.tell() >= end else next((c for s in _SPACES if (c := text.rfind(s)) >= 0), -1)
+        if cut < 0:
+            raise ValueError("no space")
+        values, rest = np.concatenate([left, numbers_of(text[:cut])]), text[cut:]
+        if not np.isfinite(values).all():
+            raise ValueError("not finite")
+        whole = values.size // width * width
+        if whole:
+            yield values[:whole].reshape(-1, width)
+        left = values[whole:]
+    if left.size:
+        raise ValueError("a row is cut")
+
+
+def numbers_of(text: bytes) -> np.ndarray:
+    """The numbers (n,) float64 of a text, with white space between them.
+
+    Raises:
+        ValueError: what stands there is no number.
+    """
+    if not text or text.isspace():
+        return np.empty(0)  # numpy finds a number there
+    with warnings.catch_warnings():
+        # numpy warns (or, later, raises) where text is not a number.
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text, sep=" ")
+        except DeprecationWarning as error:
+            raise ValueError(error) from None
