@@ -12,7 +12,8 @@ from typing import Any
 
 from motionary.corpus.checks import check_home, check_unicode
 from motionary.errors import InputError
-from motionary.files import read_text, write_bytes
+from motionary.files import decoded, text_stream, write_bytes
+from motionary.formats.bvh_text import head_of
 from motionary.formats.read.numpy_files import npy_shape
 
 _COARSE = 2 * 10**9  # ns
@@ -78,7 +79,8 @@ def _seconds(path: Path, fps: float | None) -> float | None:
         if path.suffix.lower() == ".npy" and fps:
             return round(npy_shape(path)[0] / fps, 4)
         if path.suffix.lower() == ".bvh":
-            text = read_text(path)
+            with text_stream(path) as file:
+                text = decoded(head_of(file, file.seek(0, 2)))
             frames = re.search(r"Frames:\s*(\d+)\s+Frame Time:\s*([\d.eE+-]+)", text)
             seconds = int(frames[1]) * float(frames[2]) if frames else math.inf
             return round(seconds, 4) if math.isfinite(seconds) else None

@@ -61,8 +61,7 @@ def parse(file: BinaryIO, name: object, told: Told = lambda count: None) -> RawB
         InputError: names the file, the line and the rule that it breaks; of its numbers, as they are read.
     """
     end = text_end(file)
-    file.seek(0)
-    head = _head(file, end)
+    head = head_of(file, end)
     told(len(head))
     lines = decoded(head).splitlines()
     nodes, at = _hierarchy(lines, name)
@@ -74,9 +73,10 @@ def parse(file: BinaryIO, name: object, told: Told = lambda count: None) -> RawB
     return raw
 
 
-def _head(file: BinaryIO, end: int) -> bytes:
-    """The lines before the first one of numbers."""
+def head_of(file: BinaryIO, end: int) -> bytes:
+    """The lines of a file before the first one of numbers, up to byte `end` at most."""
     lines, keys = [], set()
+    file.seek(0)
     for line in text_lines(file, end):
         lines.append(line)
         keys.add(_key(line.partition(b":")[0].decode("latin-1")))
