@@ -6,10 +6,10 @@ BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
-.PHONY: help setup lock repro test kills measured flags check params sweep mlflow app bench fuzz study clean
+.PHONY: help setup lock repro test kills measured flags check check-paper params sweep mlflow app bench fuzz study clean
 
 help:  ## what each target does
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
 
 setup: $(VENV)/.installed  ## the environment, from requirements.lock
 
@@ -55,6 +55,9 @@ check: setup  ## fast checks: style, types, generated files
 	@ruff check . && ruff format --check .
 	@pyright --pythonpath $(BIN)/python
 	@python -m motionary.pipeline.params check
+
+check-paper: setup  ## one step of every training at the papers' sizes: time and memory of each (about nine minutes of one thread)
+	@python tests/check_paper.py
 
 params: setup  ## recompose params.yaml from conf/
 	@python -m motionary.pipeline.params write
