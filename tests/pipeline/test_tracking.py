@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from motionary.pipeline.delivery import main
-from motionary.pipeline.journal import JOURNALS, records
+from motionary.pipeline.journal import JOURNALS, WATCHED, records
 from motionary.pipeline.tracking import Tracker
 from motionary.training.devices import make_fabric
 from motionary.training.loop import fit
@@ -117,6 +117,22 @@ def test_no_fault_of_the_tracking_reaches_the_training(tmp_path, stage, monkeypa
     assert main([]) == 0
     assert "sent what 3 earlier runs left" in capfd.readouterr().out
     for name in kept:
+        assert rows(tmp_path, name) == (["FINISHED"], STEPS)
+    assert not list((tmp_path / ".cache").glob("*/*/tracking-*"))
+
+
+def test_one_process_sends_for_many_stages_and_none_of_them_waits(tmp_path, stage, monkeypatch):
+    monkeypatch.setenv(WATCHED, "1")
+    assert same(stage("early")[0], train())  # nobody sends yet: its rows wait
+    assert list((tmp_path / ".cache").glob(f"early/*/{JOURNALS}"))
+    command = [sys.executable, "-m", "motionary.pipeline.delivery", "watch", str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as watcher:
+        _, said, _ = stage("late")
+        assert not said
+        assert watcher.stdin is not None
+        watcher.stdin.close()
+        assert watcher.wait(120) == 0
+    for name in ("early", "late"):
         assert rows(tmp_path, name) == (["FINISHED"], STEPS)
     assert not list((tmp_path / ".cache").glob("*/*/tracking-*"))
 

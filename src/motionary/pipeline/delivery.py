@@ -1,8 +1,9 @@
 """Sends to MLflow what stages wrote down of their runs, in processes of its own, so that no stage ever waits for it.
 
 A stage's :class:`~motionary.pipeline.tracking.Tracker` writes a journal beside the checkpoint and starts
-``python -m motionary.pipeline.delivery follow JOURNAL HOME``, which sends it as it grows. What could not be sent stays,
-for the stage's next run, the end of ``make repro``, or ``python -m motionary.pipeline.delivery`` in the project's root.
+``python -m motionary.pipeline.delivery follow JOURNAL HOME``, which sends it as it grows. ``make repro`` starts one
+process for all of its stages (``watch HOME``), and none of them waits for it. What could not be sent stays, for the
+stage's next run, the end of ``make repro``, or ``python -m motionary.pipeline.delivery`` in the project's root.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from motionary.pipeline.journal import (
     records,
     rehome,
     tracking_uri,
+    watched,
 )
 
 _LOOK, _RETRY = 2.0, 10.0  # seconds between two looks at a growing journal, and after a failure
@@ -191,10 +193,7 @@ def send_left(sender: Sender, folder: Path) -> int:
 
 def follow(journal: Path, home: Path, warned: bool = False) -> int:
     """Sends the journal until its stage closes standard input; exit code 1 where rows are left for later."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupted stage still closes its run
-    closed, sender = threading.Event(), Sender(home)
-    threading.Thread(target=lambda: (sys.stdin.buffer.read(), closed.set()), daemon=True).start()
-    first = True
+    closed, sender, first = _closing(), Sender(home), True
     while True:
         last, failed = closed.is_set(), False
         if last and not ended(journal):
@@ -210,7 +209,7 @@ def follow(journal: Path, home: Path, warned: bool = False) -> int:
                 warn(sender.uri, error, journal.parent)
             warned = True
             if isinstance(error, Replaced):
-                _start_anew(journal, home)
+                _start_anew("follow", str(journal), str(home))
         if failed and closed.is_set():
             return 1
         if last:
@@ -218,13 +217,50 @@ def follow(journal: Path, home: Path, warned: bool = False) -> int:
             return 0
         closed.wait(_RETRY if failed else _LOOK)
         if failed and sender.client is not None:
-            _start_anew(journal, home)
+            _start_anew("follow", str(journal), str(home))
 
 
-def _start_anew(journal: Path, home: Path) -> None:
+def watch(home: Path, warned: bool = False) -> int:
+    """Sends the journals of all stages that were told so, until whoever runs them closes standard input."""
+    closed, sender = _closing(), Sender(home)
+    while True:
+        last, failed = closed.is_set(), False
+        try:
+            for journal in left_in(home):
+                if watched(journal):
+                    sender.send(journal)
+            for folder in dict.fromkeys(journal.parents[1] for journal in left_in(home)):
+                send_left(sender, folder)
+        except Exception as error:
+            failed = True
+            if not warned:
+                warn(sender.uri, error, home / ".cache")
+            warned = True
+            if isinstance(error, Replaced):
+                _start_anew("watch", str(home))
+        if last:
+            return int(failed)
+        closed.wait(_RETRY if failed else _LOOK)
+        if failed and sender.client is not None:
+            _start_anew("watch", str(home))
+
+
+def left_in(home: Path) -> list[Path]:
+    """The journals of the project, of stages that run and of those that no longer do."""
+    return sorted((home / ".cache").glob(f"*/*/{JOURNALS}"))
+
+
+def _closing() -> threading.Event:
+    """Set once standard input ends. An interrupt is left to whoever holds it: an interrupted stage closes its run."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    closed = threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.buffer.read(), closed.set()), daemon=True).start()
+    return closed
+
+
+def _start_anew(*arguments: str) -> None:
     """MLflow keeps its broken connections for as long as the process lives."""
-    arguments = ["-m", "motionary.pipeline.delivery", "follow", str(journal), str(home), "--warned"]
-    os.execv(sys.executable, [sys.executable, *arguments])
+    os.execv(sys.executable, [sys.executable, "-m", "motionary.pipeline.delivery", *arguments, "--warned"])
 
 
 def warn(uri: str, error: object, folder: Path) -> None:
@@ -238,11 +274,14 @@ def warn(uri: str, error: object, folder: Path) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """``follow JOURNAL HOME`` for a stage; without arguments sends what is left in the project of this folder."""
+    """``follow JOURNAL HOME`` for a stage, ``watch HOME`` for the stages of a run; without arguments sends what is left
+    in the project of this folder."""
     if arguments[:1] == ["follow"]:
         return follow(Path(arguments[1]), Path(arguments[2]), "--warned" in arguments)
+    if arguments[:1] == ["watch"]:
+        return watch(Path(arguments[1]), "--warned" in arguments)
     home = Path.cwd()
-    left = [path.parents[1] for path in sorted((home / ".cache").glob(f"*/*/{JOURNALS}"))]
+    left = [path.parents[1] for path in left_in(home)]
     sender = Sender(home)
     try:
         count = sum(send_left(sender, folder) for folder in dict.fromkeys(left))

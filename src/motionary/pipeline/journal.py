@@ -9,12 +9,14 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock
 
 JOURNALS = "tracking-*.jsonl"
+WATCHED = "MOTIONARY_WATCHED"  # set by whoever runs stages and sends their journals itself
 ARTIFACTS = "mlartifacts"  # the folder of figures and reports that runs keep
 _PROBE = 5.0  # seconds for a server or a database to show that it answers
 
@@ -60,6 +62,13 @@ def records(journal: Path, start: int = 0) -> Iterator[tuple[dict[str, Any], int
 def ended(journal: Path) -> bool:
     """Whether the stage closed it."""
     return any(record["kind"] == "end" for record, _ in records(journal))
+
+
+def watched(journal: Path) -> bool:
+    """Whether whoever runs the stage sends it, and no process of its own does."""
+    with suppress(FileNotFoundError):
+        return any(record.get("watched", False) for record, _ in islice(records(journal), 1))
+    return False
 
 
 def identity(uri: str) -> tuple[int, int] | None:

@@ -22,11 +22,13 @@ from typing import Protocol
 from motionary.errors import InputError
 from motionary.pipeline import guard
 from motionary.pipeline.check import check_params
-from motionary.pipeline.journal import JOURNALS
+from motionary.pipeline.delivery import left_in
+from motionary.pipeline.journal import WATCHED
 from motionary.pipeline.lacking import lacking, told
 from motionary.pipeline.leftovers import wait_for_running
 
 _POLL, _GRACE = 0.2, 60.0  # seconds between two looks at the stages, and for a stopped one to end by itself
+_DELIVERY = 60.0  # seconds for what the last stages tell MLflow; what takes longer stays for later
 
 
 class Process(Protocol):
@@ -125,7 +127,7 @@ class Runner:
     def __call__(self, stage: str, slot: int, alone: bool) -> subprocess.Popen:
         """The process of a stage, with all cores where nothing else can run beside it, otherwise with its share."""
         share = 1 if alone else self.jobs
-        environment = dict(os.environ)
+        environment = os.environ | {WATCHED: "1"}
         environment.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // share)))
         if sys.stderr.isatty():
             environment["TQDM_POSITION"] = str(slot)  # a line of its own for each progress bar
@@ -172,17 +174,29 @@ def repro(root: Path, jobs: int) -> list[str]:
         """Stages for which the corpus lacks something, once it is there."""
         return set(lacking(root)) & set(needs) if "preprocess" in done or "preprocess" not in needs else set()
 
-    with Runner(root, jobs) as start:
+    with _delivery(root), Runner(root, jobs) as start:
         failed, left = schedule(needs, start, jobs, _patience(), hopeless)
     if left:
         print(told(lacking(root), left))
     return failed
 
 
-def send_rest(root: Path) -> None:
-    """Sends to MLflow what stages could not send while they ran; where that still fails, a warning says so."""
-    if any((root / ".cache").glob(f"*/*/{JOURNALS}")):
-        subprocess.run([sys.executable, "-m", "motionary.pipeline.delivery"], cwd=root, check=False)
+@contextmanager
+def _delivery(root: Path) -> Iterator[None]:
+    """Sends to MLflow what stages tell it while the block runs, then what is left; warnings say what stays."""
+    command = [sys.executable, "-m", "motionary.pipeline.delivery"]
+    # Its standard input ends with this process, however that ends.
+    sender = subprocess.Popen([*command, "watch", str(root)], cwd=root, stdin=subprocess.PIPE)
+    try:
+        yield
+    finally:
+        assert sender.stdin is not None
+        sender.stdin.close()
+        try:
+            sender.wait(_DELIVERY)
+        except subprocess.TimeoutExpired:
+            sender.kill()
+            sender.wait()
 
 
 def _patience() -> Callable[[], None]:
@@ -235,7 +249,8 @@ def main(arguments: Sequence[str]) -> int:
     try:
         with _stoppable():
             failed = repro(Path.cwd(), options.jobs)
-            send_rest(Path.cwd())
+            if left_in(Path.cwd()):  # of earlier runs, where there was nothing to do, or of one that MLflow failed
+                subprocess.run([sys.executable, "-m", "motionary.pipeline.delivery"], check=False)
     except (InputError, DvcException) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from motionary.pipeline.delivery import warn
-from motionary.pipeline.journal import lock_of, tracking_uri
+from motionary.pipeline.journal import WATCHED, lock_of, tracking_uri
 
 _LONGEST_PARAM = 6000
 _PATIENCE = 60.0  # seconds without progress after which a closing stage leaves the rest for later
@@ -53,7 +53,10 @@ class Tracker:
         self._file = self.journal.open("a", encoding="utf-8", buffering=1)  # by line: a killed stage loses none
         flat = {name: str(value)[:_LONGEST_PARAM] for name, value in flatten(params).items()}
         about = {"experiment": experiment, "name": run_name, "sweep": str(sweep) if sweep else None}
-        self._write("run", **about, params=flat, tags={**tags, **git_tags(home)})
+        self._watched = WATCHED in os.environ
+        self._write("run", **about, watched=self._watched, params=flat, tags={**tags, **git_tags(home)})
+        if self._watched:
+            return
         source = str(Path(__file__).resolve().parents[2])
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([source, *sys.path])}
         command = [sys.executable, "-m", "motionary.pipeline.delivery", "follow", str(self.journal), str(home)]
@@ -74,9 +77,12 @@ class Tracker:
         self._write("artifact", path=str(path.resolve()), folder=folder)
 
     def close(self, failed: bool = False) -> None:
-        """Marks the run as finished or failed, and waits until it is sent or that fails."""
+        """Marks the run as finished or failed, and waits until it is sent or that fails; if others send it, not."""
         self._write("end", status="FAILED" if failed else "FINISHED")
         self._file.close()
+        if self._watched:
+            self._lock.release()
+            return
         assert self._delivery.stdin is not None
         self._delivery.stdin.close()
         mark, seen, deadline = self.journal.with_suffix(".sent"), "", time.monotonic() + _PATIENCE
