@@ -432,7 +432,8 @@ def test_the_preferred_generator_is_best_by_both_judges_and_no_copy():
     found = preferred(Results(agreed))
     assert found["text_to_motion"] == "beta"
     assert found["fid"] == {"main": {"alpha": 3.0, "beta": 2.0}, "other": {"alpha": 30.0, "beta": 20.0}}
-    assert preferred(Results(agreed | {"gamma": by_two(1.0, 25.0)}))["text_to_motion"] is None
+    assert preferred(Results(agreed | {"gamma": by_two(1.0, 25.0)}))["text_to_motion"] == "gamma"  # 1 x 25 < 2 x 20
+    assert preferred(Results(agreed | {"gamma": by_two(1.0, 60.0)}))["text_to_motion"] == "beta"
     assert preferred(Results({"alpha": generator_report(0.5)}))["text_to_motion"] is None  # one judge is not enough
     assert preferred(Results())["text_to_motion"] is None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import combinations
+from math import prod
 from typing import Any
 
 from motionary.report.results import Results, at
@@ -46,9 +47,11 @@ def verdicts_table(results: Results) -> Table | None:
 def preferred(results: Results) -> dict[str, Any]:
     """The generator with the lowest FID by every judge, of those that do not copy the corpus.
 
+    Where the judges name several, it is the one of these whose FIDs have the lowest geometric mean: each judge has a
+    scale of its own.
+
     Returns:
-        {"text_to_motion": its name, or None where the judges name several or there is but one judge; "fid": each
-        judge's FID of every system}.
+        {"text_to_motion": its name, or None where there is but one judge; "fid": each judge's FID of every system}.
     """
     fid: dict[str, dict[str, float]] = {}
     for name, report in results.having("generation").items():
@@ -57,8 +60,8 @@ def preferred(results: Results) -> dict[str, Any]:
         if not copies and None not in values.values():
             for judge, value in values.items():
                 fid.setdefault(judge or next(iter(report.get("judges", {"": ""}))), {})[name] = value
-    best = {min(found, key=lambda name: found[name]) for found in fid.values()}
-    chosen = best.pop() if len(best) == 1 and len(fid) > 1 else None
+    best = sorted({min(found, key=lambda name: found[name]) for found in fid.values()})
+    chosen = min(best, key=lambda name: prod(found[name] for found in fid.values())) if len(fid) > 1 else None
     return {TEXT_TO_MOTION: chosen, "fid": fid}
 
 

@@ -75,8 +75,8 @@ def wave(act: Act, mood: Mood, rng: np.random.Generator) -> Plan:
     keys.to(0.6, (tilt, upper, twist, 0.75))
     waves = act.count or 3
     for _ in range(waves):
-        keys.to(0.26, (tilt, upper, twist, 0.75 + 0.5 * big))
-        keys.to(0.26, (tilt, upper, twist, 0.75 - 0.4 * big))
+        keys.to(0.32, (tilt, upper, twist, 0.75 + 0.6 * big))
+        keys.to(0.32, (tilt, upper, twist, 0.75 - 0.5 * big))
     keys.to(0.15, (tilt, upper, twist, 0.8))
     keys.back(0.65)
     plan, t = _standing(mood, keys.end)

@@ -30,7 +30,8 @@ DIRECTIONS = {
     "side": ("to the side",),
 }
 
-# Verb phrases by action. {side}, {dir}, {n} (once, twice, ...), {num} (one, two, ...) and {s} (plural) are filled in.
+# Verb phrases by action. {side}, {dir} and {bare} (to the left, left), {n} (once, twice, ...), {num} (one, two, ...)
+# and {s} (plural) are filled in.
 PHRASES: dict[str, tuple[str, ...]] = {
     "run": ("runs {dir}", "jogs {dir}"),
     "circle": ("walks in a circle {dir}", "walks around in a circle {dir}"),
@@ -109,10 +110,12 @@ def _phrases(act: Act) -> tuple[str, ...]:
     if act.action in _SIDED:
         return _SIDED[act.action][act.side == "both"]
     if act.action == "walk":
-        return ("walks {dir}",) if not act.turn else ("walks in a curve {dir}", "walks forward and curves {dir}")
+        if not act.turn:
+            return ("walks {dir}",)
+        return ("walks in a curve {dir}", "walks forward and curves {dir}", "walks and turns {bare}")
     if act.action == "turn":
         return {
-            "quarter": ("turns {dir}", "makes a quarter turn {dir}"),
+            "quarter": ("turns {dir}", "turns {bare}", "makes a quarter turn {dir}"),
             "half": ("turns around {dir}", "makes a half turn {dir}"),
             "full": ("makes a full turn {dir}", "turns all the way around {dir}"),
         }[act.angle or "half"]
@@ -137,6 +140,7 @@ def phrase(act: Act, rng: np.random.Generator) -> str:
     text = _pick(rng, _phrases(act)).format(
         side=act.side,
         dir=_pick(rng, DIRECTIONS[act.direction]) if act.direction else "",
+        bare=act.direction,
         n=_pick(rng, COUNTS.get(count, ("",))) if act.count else "",
         num=NUMBERS[count],
         s="" if count == 1 else "s",
