@@ -62,7 +62,7 @@ check-paper: setup  ## one step of every training at the papers' sizes: time and
 params: setup  ## recompose params.yaml from conf/
 	@python -m motionary.pipeline.params write
 
-sweep: setup  ## an example sweep: two learning rates of the tokenizer, in parallel
+sweep: setup  ## an example sweep: two learning rates of the tokenizer, in parallel, and a table of them
 	@python stages/tokenizer.py -m tokenizer.learning_rate=1e-4,3e-4 hydra/launcher=joblib
 
 mlflow: setup  ## the dashboard, at http://127.0.0.1:5000

@@ -130,7 +130,7 @@ def test_a_sweep_has_a_parent_and_leaves_dvc_status_clean(project):
     before = len(project.runs("tokenizer")[1])
     sweep = ["tokenizer.learning_rate=1e-4,3e-4", "hydra/launcher=joblib", *project.overrides]
     sweep = [o for o in sweep if not o.startswith("data")]
-    project.run("python", "stages/tokenizer.py", "-m", *sweep)
+    said = project.run("python", "stages/tokenizer.py", "-m", *sweep)
     _, runs = project.runs("tokenizer")
     children = [run for run in runs if "mlflow.parentRunId" in run.data.tags]
     assert len(children) == 2
@@ -139,6 +139,18 @@ def test_a_sweep_has_a_parent_and_leaves_dvc_status_clean(project):
     assert len({run.data.tags["mlflow.parentRunId"] for run in children}) == 1
     assert json.loads(project.run("dvc", "status", "--json", "--with-deps", LAST)) == {"code": ["always changed"]}
     assert len(list(project.root.glob("multirun/*/*/*/models/tokenizer/model.safetensors"))) == 2
+    table = said[said.index("tokenizer.learning_rate  best validation loss") :].splitlines()
+    rows = {rate: (float(loss), folder) for rate, loss, _, folder in map(str.split, table[1:3])}
+    assert rows.keys() == {"1e-4", "3e-4"}
+    for loss, folder in rows.values():
+        training = json.loads((project.root / folder / "reports" / "tokenizer.json").read_text())["training"]
+        assert loss == pytest.approx(training["best_validation_loss"], rel=1e-4)
+    assert [loss for loss, _ in rows.values()] == sorted(loss for loss, _ in rows.values())
+    (parent,) = [run for run in runs if run.info.run_id == children[0].data.tags["mlflow.parentRunId"]]
+    assert table[3] == f'curves: make mlflow, experiment tokenizer, the runs below "{parent.info.run_name}"'
+    bars = [line for line in said.splitlines() if "item/s" in line]
+    assert {line.split(": ")[0] for line in bars} == {"#0 tokenizer", "#1 tokenizer"}
+    assert "\r" not in said
 
 
 def test_only_what_depends_on_a_changed_parameter_runs(project):

@@ -28,6 +28,7 @@ from motionary.pipeline.journal import (
     probe,
     records,
     rehome,
+    sweep_name,
     tracking_uri,
     watched,
 )
@@ -159,7 +160,7 @@ class Sender:
         sweep.mkdir(parents=True, exist_ok=True)
         note = sweep / "mlflow_parent.txt"
         if not note.exists():
-            run = self.client.create_run(experiment, run_name=f"sweep {sweep.parent.name} {sweep.name}")
+            run = self.client.create_run(experiment, run_name=sweep_name(sweep))
             self.client.set_terminated(run.info.run_id)
             note.write_text(run.info.run_id)
         return note.read_text().strip()

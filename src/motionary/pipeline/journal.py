@@ -26,6 +26,11 @@ def tracking_uri(home: Path) -> str:
     return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{home / 'mlflow.db'}"
 
 
+def sweep_name(folder: Path) -> str:
+    """What MLflow calls the run that holds those of the Hydra sweep in `folder`."""
+    return f"sweep {folder.parent.name} {folder.name}"
+
+
 def lock_of(journal: Path) -> FileLock:
     """Held by the stage that writes the journal, then by whoever sends what it left."""
     return FileLock(journal.with_suffix(".lock"))

@@ -18,6 +18,7 @@ from motionary.errors import InputError, check_whole
 from motionary.pipeline.code import code_hash, code_name
 from motionary.pipeline.journal import JOURNALS
 from motionary.pipeline.leftovers import Alone, remove_unfinished, remove_unfinished_checkpoints
+from motionary.pipeline.sweep import own_lines
 from motionary.pipeline.tracking import Tracker, committed_params, numbers, run_name
 from motionary.pipeline.workspace import Workspace, content_hash, values_hash
 from motionary.systems.renamed import refuse_old_names
@@ -225,10 +226,11 @@ def run_stage(body: Callable[[DictConfig], None]) -> Callable[[DictConfig], None
     @functools.wraps(body)  # Hydra finds conf/ from the file of the wrapped function
     def main(config: DictConfig) -> None:
         """The body; bad input ends in one line and exit code 2."""
-        try:
-            body(config)
-        except InputError as error:
-            print(f"error: {error}", file=sys.stderr)
-            sys.exit(2)
+        with own_lines():
+            try:
+                body(config)
+            except InputError as error:
+                print(f"error: {error}", file=sys.stderr)
+                sys.exit(2)
 
     return main
