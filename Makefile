@@ -83,4 +83,4 @@ study: setup  ## seeds, second split, controls, ablations and baselines on the r
 	@python -m motionary.study
 
 clean:  ## remove outputs and caches of stages, keep the DVC cache and the tracking database
-	@rm -rf models data/corpus data/.unfinished-* data/sources/.unfinished-* data/sources/root_* reports .cache .code outputs multirun
+	@rm -rf models data/corpus data/.unfinished-* data/sources/.unfinished-* data/sources/root_* reports .cache .code outputs multirun dvc_plots

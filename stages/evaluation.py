@@ -20,8 +20,7 @@ def main(config):
         models = stage.serving("retrieval", system, *judges_of(ROOT / "models"))
         settings = {k: v for k, v in stage.section.items() if k not in ("system", "systems")}
         protocol = configure(Protocol, settings, "evaluation")
-        report = score_system(system, models, corpus, protocol, stage.seed, config.device)
-        stage.report(report | {"code": stage.code}, f"reports/evaluation/{system}.json")
+        stage.report(score_system(system, models, corpus, protocol, stage.seed, config.device))
 
 
 if __name__ == "__main__":

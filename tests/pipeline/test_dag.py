@@ -5,6 +5,7 @@ import re
 import yaml
 
 from motionary.pipeline.code import FOLDER, Code
+from motionary.pipeline.dag import draw, layers, main, stage_graph
 from motionary.study.experiments import paths_of, with_values
 from motionary.systems.registry import find, judges
 from motionary.systems.serving import filled, served_by
@@ -88,13 +89,10 @@ def test_the_map_is_short(repository):
 
 
 def test_the_page_depends_on_every_report_that_it_shows(repository):
-    shown = {path for name, stage in stages(repository).items() for path in stage.get("metrics", [])}
-    shown -= {
-        "reports/summary.json",
-        "reports/preferred.json",
-        "reports/retrieval.json",
-        "reports/evaluation/${key}.json",
-    }
+    outs = {path for stage in stages(repository).values() for path in stage.get("outs", [])}
+    shown = {path for path in outs if re.fullmatch(r"reports/\w+\.json", path)}
+    shown -= {"reports/summary.json", "reports/preferred.json", "reports/retrieval.json"}
+    assert len(shown) > 20
     assert shown <= set(stages(repository)["report"]["deps"])
 
 
@@ -110,3 +108,25 @@ def test_large_outputs_are_linked_from_the_cache(repository):
     order = text.split("type = ")[1].splitlines()[0].strip('"').split(",")
     # Copies come last; reflink first would make DVC copy folders where the file system has none.
     assert order == ["hardlink", "symlink", "copy"]
+
+
+def test_the_picture_has_every_stage_behind_those_that_it_reads(repository):
+    graph = stage_graph(repository)
+    assert set(graph) == set(stages(repository)) - {"source"}  # of which there is one for each data root
+    assert {("tokenizer", "text2token"), ("text2token", "inverse_alignment"), ("evaluation", "report")} <= set(
+        graph.edges
+    )
+    assert ("tokenizer", "inverse_alignment") not in graph.edges  # it follows from the others
+    column = {name: i for i, names in enumerate(layers(graph)) for name in names}
+    assert all(column[before] < column[after] for before, after in graph.edges)
+    figure = draw(graph, {"temos": "one latent, " * 9})
+    words = [text.get_text() for text in figure.axes[0].texts]
+    assert set(graph) <= set(words)
+    assert max(map(len, words)) < 70
+
+
+def test_a_picture_needs_a_pipeline(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["dag.png"]) == 2
+    assert "no dvc.yaml" in capsys.readouterr().err
+    assert main([]) == 2

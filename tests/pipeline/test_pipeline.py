@@ -91,7 +91,13 @@ def test_everything_ran_once_and_a_second_time_nothing(project):
     assert project.first == [f"source@{project.clips}", "preprocess", "tokenizer"]
     assert project.ran(project.run("dvc", "repro", LAST)) == []
     assert (project.root / "reports" / "tokenizer.json").exists()
-    assert "local_mm" in project.run("dvc", "metrics", "show", "reports/tokenizer.json")
+    head, *rows = project.run("dvc", "metrics", "show").splitlines()
+    assert head.split() == ["Path", "items", "loss", "mm"]
+    report = json.loads((project.root / "reports" / "tokenizer.json").read_text())
+    (row,) = [row.split() for row in rows if "tokenizer" in row]
+    assert row[0] == "reports/short/tokenizer.json"
+    assert float(row[1]) == pytest.approx(report["training"]["best_validation_loss"], rel=1e-3)
+    assert float(row[2]) == pytest.approx(report["positions"]["all"]["local_mm"], rel=1e-2)
     plots, *_ = project.run("dvc", "plots", "show", "--json", "--out", str(project.root.parent / "plots")).splitlines()
     assert "reports/figures/tokenizer/curves.csv" in json.loads(plots)["data"]
 

@@ -365,15 +365,14 @@ stages:
     cmd: python work.py tokenizer
     params: [tokenizer]
     deps: [work.py]
-    outs: [models/tokenizer]
-    metrics: [reports/tokenizer.json]
+    outs: [models/tokenizer, reports/tokenizer.json]
   evaluation:
     foreach: ${evaluation.systems}
     do:
       cmd: python work.py ${item}
       params: [evaluation, seed]
       deps: [work.py, models/tokenizer]
-      metrics: ["reports/evaluation/${item}.json"]
+      outs: ["reports/evaluation/${item}.json"]
 """
 STUDY = """
 base: []

@@ -18,6 +18,7 @@ from motionary.errors import InputError, check_whole
 from motionary.pipeline.code import code_hash, code_name
 from motionary.pipeline.journal import JOURNALS
 from motionary.pipeline.leftovers import Alone, remove_unfinished, remove_unfinished_checkpoints
+from motionary.pipeline.short import short
 from motionary.pipeline.sweep import own_lines
 from motionary.pipeline.tracking import Tracker, committed_params, numbers, run_name
 from motionary.pipeline.workspace import Workspace, content_hash, values_hash
@@ -173,10 +174,13 @@ class Stage:
     def report(self, values: Mapping[str, Any], relative: str | None = None) -> None:
         """Writes the stage's report and logs its numbers.
 
-        The report that bears the stage's name also names its code, by which the study knows results of other code.
+        The stage's own (without `relative`) also names its code, by which the study knows results of other code, and
+        leaves the few numbers that ``dvc metrics show`` prints in ``reports/short/``.
         """
         if relative is None:
-            relative, values = f"reports/{self.name}.json", {**values, "code": self.code}
+            own = f"{self.name}/{self.label}.json" if self.label else f"{self.name}.json"
+            relative, values = f"reports/{own}", {**values, "code": self.code}
+            self.workspace.write_json(f"reports/short/{own}", short(values))
         path = self.workspace.write_json(relative, values)
         self.tracker.log(0, numbers(values))
         self.tracker.artifact(path)

@@ -151,7 +151,7 @@ def lengths(results: Results) -> Table | None:
 
 
 def summary(results: Results) -> dict[str, dict[str, float]]:
-    """{system: {metric: mean}} of the main tables, for `dvc metrics show`."""
+    """{system: {metric: mean}} of the main tables: reports/summary.json."""
     out: dict[str, dict[str, float]] = {}
 
     def put(name: str, metric: str, value: Any) -> None:

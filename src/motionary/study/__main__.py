@@ -37,8 +37,9 @@ FOLDER, RECORD = Path("reports/study"), "experiment.json"
 
 
 def needed_reports(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[str]:
-    """The metrics files that evaluating `systems` writes, upstream stages first (arguments of `stages_before`)."""
-    return [path for stage in stages_before(pipeline, systems) for path in paths_of(stage, "metrics")]
+    """The reports that evaluating `systems` writes, upstream stages first (arguments of `stages_before`)."""
+    written = [path for stage in stages_before(pipeline, systems) for path in paths_of(stage, "outs")]
+    return [path for path in written if path.startswith("reports/") and path.endswith(".json")]
 
 
 def is_done(root: Path, experiment: Experiment) -> bool:
