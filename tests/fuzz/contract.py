@@ -6,6 +6,7 @@ import json
 import tempfile
 import time
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 from fuzz.limits import MEGABYTES, SECONDS, limited
@@ -15,7 +16,6 @@ from motionary.corpus.preprocess import preprocess
 from motionary.corpus.sources import inventory
 from motionary.errors import InputError, InputWarning
 from motionary.formats import read_motion, write_motion
-from motionary.formats.read import READERS
 from motionary.formats.render.video import render_frame
 from motionary.formats.rig_files import read_rig
 from motionary.language import annotate
@@ -43,9 +43,9 @@ def check(path: Path, out: Path) -> list[str]:
 
 
 def _file(path: Path, out: Path) -> None:
-    if path.suffix not in READERS:
-        read_rig(path)
-        return
+    if path.suffix == ".glb":
+        with suppress(InputError):  # a file may hold a motion and no character
+            read_rig(path)
     motion = read_motion(path)
     written = {}
     for extension in ("npz", "bvh", "glb", "html"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import struct
@@ -12,6 +13,7 @@ import numpy as np
 from acclaim_files import HEADER
 
 from motionary.formats import write_motion
+from motionary.formats.gltf_file import chunks, packed
 from motionary.motion import Motion, Skeleton
 
 NUMBERS = ("nan", "inf", "-1e308", "1e400", "1e30", "1e-320", "9" * 400, "0", "-1", "", "0x10", "1_0", "\u00b2", "1,5")
@@ -32,7 +34,7 @@ VALUES = (
     "\0",
 )
 DTYPES = ("<f2", ">f8", "<i1", "<u8", "<c16", "<U8", "|S4", "|b1", "<M8[s]", "V12", "<f4")
-KINDS = ("bvh", "amc", "asf", "npy", "npz", "amass", "glb", "clips", "mapping", "humanml3d")
+KINDS = ("bvh", "amc", "asf", "npy", "npz", "amass", "glb", "gltf", "clips", "mapping", "humanml3d")
 
 
 def motion(frames: int = 12) -> Motion:
@@ -155,26 +157,43 @@ def _bvh(rng: np.random.Generator, folder: Path) -> Path:
     return path
 
 
+def _document(rng: np.random.Generator, document: dict) -> dict:
+    """glTF's JSON with strange values in one of its parts, or in a part of that."""
+    part = str(rng.choice(list(document)))
+    if rng.random() < 0.4:  # most that can be wrong of a motion is wrong in these
+        part = str(rng.choice(["animations", "accessors", "bufferViews", "nodes", "skins"]))
+    found = document[part]
+    while isinstance(found, list) and found and isinstance(found[0], dict):
+        at = int(rng.integers(len(found)))
+        inner = [value for value in found[at].values() if isinstance(value, list) and value]
+        if not inner or not isinstance(inner[0][0], dict) or rng.random() < 0.3:
+            found[at] = _values(rng, found[at])
+            return document
+        found = inner[int(rng.integers(len(inner)))]
+    document[part] = VALUES[rng.integers(len(VALUES))]
+    return document
+
+
 def _glb(rng: np.random.Generator, folder: Path) -> Path:
     path = folder / "case.glb"
     data = _saved(folder, "glb").read_bytes()
-    size = struct.unpack_from("<I", data, 12)[0]
-    if rng.random() < 0.5:
-        document = json.loads(data[20 : 20 + size])
-        part = str(rng.choice(list(document)))
-        found = document[part]
-        if isinstance(found, list) and found and isinstance(found[0], dict):
-            at = int(rng.integers(len(found)))
-            found[at] = _values(rng, found[at])
-        else:
-            document[part] = VALUES[rng.integers(len(VALUES))]
-        text = json.dumps(document).encode()
-        text += b" " * (-len(text) % 4)
-        data = data[:12] + struct.pack("<I", len(text)) + data[16:20] + text + data[20 + size :]
+    if rng.random() < 0.6:
+        document, buffer = chunks(folder / "good.glb")
+        path.write_bytes(packed(_document(rng, document), buffer))
     else:
-        data = _bytes(rng, data)
-    path.write_bytes(data)
+        path.write_bytes(_bytes(rng, data))
     return path
+
+
+def _gltf(rng: np.random.Generator, folder: Path) -> Path:
+    """As text with the buffer in it, of which a part is a matter of chance too."""
+    document, buffer = chunks(_saved(folder, "glb"))
+    if rng.random() < 0.3:
+        buffer = _bytes(rng, buffer)
+    document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(buffer).decode()}"
+    text = json.dumps(_document(rng, document) if rng.random() < 0.7 else document, indent=1)
+    (folder / "case.gltf").write_bytes(text.encode() if rng.random() < 0.6 else _text(rng, text))
+    return folder / "case.gltf"
 
 
 _ASF = (
@@ -288,6 +307,7 @@ _MAKERS = {
     "npz": _ours,
     "amass": _amass,
     "glb": _glb,
+    "gltf": _gltf,
     "clips": _clips,
     "mapping": _mapping,
     "humanml3d": _humanml3d,

@@ -12,7 +12,7 @@ from motionary.cli.outputs import add_force, add_onto, captioned, known_extensio
 
 
 def _arguments(add: argparse.ArgumentParser) -> None:
-    add.add_argument("source", metavar="IN", help="bvh, amc, npz or npy")
+    add.add_argument("source", metavar="IN", help=shared.READ)
     add.add_argument("target", metavar="OUT", help="bvh, npz, npy, glb, mp4, gif or html")
     add.add_argument("--fps", type=float, help="rate of the result")
     add.add_argument("--source-fps", type=float, help="rate of a file that does not say it (npy)")

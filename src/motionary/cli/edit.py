@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _arguments(add: argparse.ArgumentParser) -> None:
-    add.add_argument("file", metavar="FILE", help="bvh, amc, npz or npy")
+    add.add_argument("file", metavar="FILE", help=shared.READ)
     add.add_argument("text", nargs="?", metavar="TEXT", help="what happens in the part that is made")
     add.add_argument("--start", type=float, help="seconds from which it is made anew")
     add.add_argument("--end", type=float, help="seconds up to which")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 R = TypeVar("R")
-_READ = "bvh, amc, npz or npy"
+READ = "bvh, amc, npz, npy, glb or gltf"
 
 
 def count(text: str) -> int:
@@ -110,7 +110,7 @@ def say_reading(dictionary: Dictionary, text: str) -> dict[str, Any]:
 
 def add_files(add: argparse.ArgumentParser, told: str = "", rate: str = "--fps") -> None:
     """FILE, one or several, and their rate, --source-fps where --fps is that of results; `told` goes on about them."""
-    add.add_argument("files", nargs="+", metavar="FILE", help=f"{_READ}{told}")
+    add.add_argument("files", nargs="+", metavar="FILE", help=f"{READ}{told}")
     add.add_argument(rate, dest="source_fps", type=float, help="rate of files that do not say it (npy)")
 
 
@@ -123,11 +123,13 @@ def add_reading(add: argparse.ArgumentParser) -> None:
     yes_no = argparse.BooleanOptionalAction
     add.add_argument("--mirror", action=yes_no, help="swap left and right, as left-handed files need (measured)")
     add.add_argument("--skip-first", action=yes_no, help="leave out the first frame (where it is a calibration pose)")
+    add.add_argument("--animation", metavar="NAME", help="which one of a glb or gltf (the first that moves joints)")
 
 
 def reading(options: argparse.Namespace) -> dict[str, Any]:
     """The arguments of `read_motion` that :func:`add_reading` gives, and a bar for long files where people look on."""
-    given = {name: getattr(options, name) for name in ("mapping", "up", "unit", "mirror", "skip_first")}
+    names = ("mapping", "up", "unit", "mirror", "skip_first", "animation")
+    given = {name: getattr(options, name) for name in names}
     return {**given, "progress": sys.stderr.isatty()}
 
 

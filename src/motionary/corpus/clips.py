@@ -16,7 +16,7 @@ from motionary.motion import Motion
 from motionary.motion.motion import SLOWEST_RATE
 from motionary.motion.roles import READING_KEYS
 
-MOTION_FILES = (".bvh", ".npy", ".npz", ".amc")
+MOTION_FILES = (".bvh", ".npy", ".npz", ".amc", ".glb", ".gltf")
 BARE_ARRAYS = (".npy",)
 CLIP_KEYS = ("motion", "fps", "subject", "style", "action", "skeleton", "captions", "mapping", *READING_KEYS)
 CAPTION_KEYS = ("text", "start", "end", "source")

@@ -93,3 +93,19 @@ def kept(array: np.ndarray, joints: Sequence[int]) -> np.ndarray:
         part = array[some][:, list(joints)]  # a copy
         flat[some.start * row : some.start * row + part.size] = part.reshape(-1)
     return flat[: frames * row].reshape(frames, len(joints), width)
+
+
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, with a number where a file uses one twice."""
+    seen: dict[str, int] = {}
+    taken = set(names)
+    result = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        label = name
+        while seen[name] > 1 and label in taken:
+            label = f"{name}_{seen[name]}"
+            seen[name] += label in taken
+        taken.add(label)
+        result.append(label)
+    return tuple(result)

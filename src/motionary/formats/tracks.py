@@ -22,7 +22,9 @@ from motionary.motion.tree import roles_by_tree
 _WRITTEN = 5e-4  # metres; where rotations miss a joint by more, a file gets that joint's translation too
 
 
-def to_motion(track: Track, fps: float, file: object, options: ReadingOptions) -> tuple[Motion, Reading]:
+def to_motion(
+    track: Track, fps: float, file: object, options: ReadingOptions, metres: bool = False
+) -> tuple[Motion, Reading]:
     """Metres, y up, without placement nodes and without a T-pose put before the motion; and how that was decided.
 
     Args:
@@ -30,6 +32,7 @@ def to_motion(track: Track, fps: float, file: object, options: ReadingOptions) -
         fps: frames per second.
         file: its name, for errors.
         options: what the user says; a mapping counts before anything is measured.
+        metres: whether the format has this unit, so that a rig without known roles is not scaled by its size.
 
     Raises:
         InputError: a mapping does not fit, or the result is not a valid motion.
@@ -43,7 +46,7 @@ def to_motion(track: Track, fps: float, file: object, options: ReadingOptions) -
     resting = np.zeros_like(rest)
     for j, p in enumerate(track.parents[1:], 1):
         resting[j] = resting[p] + rest[j]
-    settled = settle(positions, roles, fps, options, resting, _longest_chain(track, rest))
+    settled = settle(positions, roles, fps, options, resting, None if metres else _longest_chain(track, rest))
     settled = with_roles(settled, source, notes)
     reading, rotations = settled.reading, track.rotations
     for some in stretches(len(positions)):

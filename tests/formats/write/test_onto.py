@@ -13,8 +13,9 @@ import pytest
 from motionary.errors import InputError
 from motionary.formats import read_motion, write_motion
 from motionary.formats.bvh_text import parse
+from motionary.formats.gltf_file import packed
 from motionary.formats.read.smpl import SMPL_OFFSETS, SMPL_ROOT
-from motionary.formats.write.glb_rig import Character, _packed
+from motionary.formats.write.glb_rig import Character
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rigging import to_rig
 from motionary.motion.rotations import unitquat_to_rotmat
@@ -127,7 +128,7 @@ def skinned(tmp_path):
     document["nodes"].append(armature)
     document["scenes"] = [{"nodes": [len(document["nodes"]) - 1, 22]}]
     path = tmp_path / "skinned.glb"
-    path.write_bytes(_packed(document, plain.data))
+    path.write_bytes(packed(document, plain.data))
     return path
 
 

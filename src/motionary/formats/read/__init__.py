@@ -19,6 +19,8 @@ READERS = {
     ".amc": "motionary.formats.read.acclaim:amc_with",
     ".npy": "motionary.formats.read.arrays:npy_with",
     ".npz": "motionary.formats.read.arrays:npz_with",
+    ".glb": "motionary.formats.read.gltf_reader:gltf_with",
+    ".gltf": "motionary.formats.read.gltf_reader:gltf_with",
 }
 # What other programs write, and the way to a file that is read.
 _CONVERTED = {
@@ -28,7 +30,7 @@ _CONVERTED = {
     ".trc": "it holds markers, not joints: solve them to a skeleton where they were recorded, and export BVH",
     ".vmd": "MMD's motion belongs to its model: load both in Blender and export BVH",
 }
-_FORMAT_OPTIONS = ("fps", "skeleton", "asf")
+_FORMAT_OPTIONS = ("fps", "skeleton", "asf", "animation")
 
 __all__ = ["READERS", "Reading", "ReadingOptions", "read_motion", "read_motion_warning", "read_motion_with"]
 
@@ -36,7 +38,7 @@ __all__ = ["READERS", "Reading", "ReadingOptions", "read_motion", "read_motion_w
 def read_motion(
     path: str | os.PathLike, mapping: Path | str | Mapping[str, Any] | None = None, **options: Any
 ) -> Motion:
-    """Read a motion file by its extension: .bvh, .amc (with its .asf), .npy, .npz.
+    """Read a motion file by its extension: .bvh, .amc (with its .asf), .npy, .npz, .glb, .gltf.
 
     Which axis points up, how long a unit is and whether left and right are swapped is measured on the whole file. Where
     the evidence is thin or contradicts itself, one `InputWarning` says what was taken and how to say otherwise.
@@ -46,8 +48,8 @@ def read_motion(
         mapping: the joint's name by role, for a rig that is not known (a dict or a JSON file); it may hold the keys
             ``up``, ``unit``, ``mirror`` and ``skip_first`` too. See :func:`motionary.motion.name_joints`.
         options: ``up``, ``unit``, ``mirror`` and ``skip_first`` (see `ReadingOptions`) and ``fps`` for all formats,
-            ``skeleton`` for arrays, ``asf`` for AMC. ``progress=True`` shows a bar while a long text file is read. None
-            means not given.
+            ``skeleton`` for arrays, ``asf`` for AMC, ``animation`` (its name) for glTF. ``progress=True`` shows a bar
+            while a long text file is read. None means not given.
 
     Returns:
         The motion in metres, y up.

@@ -10,7 +10,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import text_stream
-from motionary.formats.animated_rig import Track
+from motionary.formats.animated_rig import Track, unique_names
 from motionary.formats.bvh_text import Node, RawBVH, parse
 from motionary.formats.number_rows import reading_bar
 from motionary.formats.read.reading_options import Reading, ReadingOptions
@@ -94,7 +94,7 @@ def track_of(raw: RawBVH) -> Track:
                     filled.add(joint)
     moved = {joint: moves[joint][:frames] for joint in sorted(filled)}
     parents = tuple(new[node.parent] for node in nodes)
-    return Track(_unique([node.name for node in nodes]), parents, rotations[:frames], offsets, moved)
+    return Track(unique_names([node.name for node in nodes]), parents, rotations[:frames], offsets, moved)
 
 
 def _columns(nodes: list[Node], first: np.ndarray, kind: str) -> list[tuple[list[int], list[int], np.ndarray]]:
@@ -110,19 +110,3 @@ def _columns(nodes: list[Node], first: np.ndarray, kind: str) -> list[tuple[list
 
 def _longer(array: np.ndarray) -> np.ndarray:
     return np.concatenate([array, np.empty_like(array)])
-
-
-def _unique(names: list[str]) -> tuple[str, ...]:
-    """The names, with a number where a file uses one twice."""
-    seen: dict[str, int] = {}
-    taken = set(names)
-    result = []
-    for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        label = name
-        while seen[name] > 1 and label in taken:
-            label = f"{name}_{seen[name]}"
-            seen[name] += label in taken
-        taken.add(label)
-        result.append(label)
-    return tuple(result)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,11 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import readable, write_bytes
+from motionary.formats.animated_rig import unique_names
+from motionary.formats.gltf_file import chunks, packed
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rigging import Rig, to_rig
 from motionary.motion.rotations import quat_continuation, rotmat_to_unitquat, unitquat_to_rotmat
-
-_JSON, _BIN = b"JSON", b"BIN\0"
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Character:
         Raises:
             InputError: not glTF 2.0 in one file, or without a skin on one tree of joints.
         """
-        document, data = _chunks(Path(readable(path)))
+        document, data = chunks(readable(path))
         nodes = document.get("nodes", [])
         parent = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
         joints = {joint for skin in document.get("skins", []) for joint in skin["joints"]}
@@ -60,7 +59,7 @@ class Character:
         for j, p in enumerate(above[1:], 1):
             offsets[j] = turned[p].T @ (points[j] - points[p])
             pose[j] = turned[p].T @ turned[j]
-        names = _names([nodes[node].get("name", f"node{node}") for node in order])
+        names = unique_names([nodes[node].get("name", f"node{node}") for node in order])
         rig = Rig.posed(Skeleton.from_rig(Path(path).stem, names, above, offsets), pose)
         base = world[parent[order[0]]] if order[0] in parent else np.eye(4)
         return Character(document, data, order, base, rig)
@@ -98,37 +97,7 @@ def write_glb_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
         channel(joint, "rotation", rotations[:, joint])
     document["animations"] = [{"name": "motion", "channels": channels, "samplers": samplers}]
     document["buffers"][0]["byteLength"] = len(data)
-    return write_bytes(path, _packed(document, bytes(data)), force)
-
-
-def _chunks(path: Path) -> tuple[dict[str, Any], bytes]:
-    content, rule = path.read_bytes(), "must be a glTF 2.0 binary file"
-    if content[:4] != b"glTF" or len(content) < 20:
-        raise InputError(path, content[:4], rule)
-    document, data, at = None, b"", 12
-    while at + 8 <= len(content):
-        length, kind = struct.unpack_from("<I4s", content, at)
-        chunk = content[at + 8 : at + 8 + length]
-        if len(chunk) < length:
-            raise InputError(path, "truncated", rule)
-        if kind == _JSON and document is None:
-            try:
-                document = json.loads(chunk)
-            except ValueError as error:
-                raise InputError(path, error, rule) from None
-        elif kind == _BIN:
-            data = chunk
-        at += 8 + length
-    if not isinstance(document, dict):
-        raise InputError(path, "no JSON", rule)
-    return document, data
-
-
-def _packed(document: dict[str, Any], data: bytes) -> bytes:
-    text = json.dumps(document, separators=(",", ":")).encode()
-    chunks = ((_JSON, text + b" " * (-len(text) % 4)), (_BIN, data + b"\0" * (-len(data) % 4)))
-    body = b"".join(struct.pack("<I", len(chunk)) + kind + chunk for kind, chunk in chunks)
-    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+    return write_bytes(path, packed(document, bytes(data)), force)
 
 
 def _add(document: dict[str, Any], data: bytearray, values: np.ndarray, bounds: bool = False) -> int:
@@ -195,13 +164,3 @@ def _as_parts(node: dict[str, Any]) -> None:
 
 def _rotation(matrix: np.ndarray) -> np.ndarray:
     return matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
-
-
-def _names(given: list[str]) -> list[str]:
-    """Unique names: the second `Bone` becomes `Bone_2`."""
-    counts: dict[str, int] = {}
-    result = []
-    for name in given:
-        counts[name] = counts.get(name, 0) + 1
-        result.append(name if counts[name] == 1 else f"{name}_{counts[name]}")
-    return result

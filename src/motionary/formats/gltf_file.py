@@ -1,0 +1,277 @@
+"""glTF 2.0 files (.glb, .gltf): their JSON, nodes and arrays, each checked before it is used.
+
+Reference: Khronos, glTF 2.0 specification. A count is compared with the bytes that are there before memory is taken.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import os
+import struct
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from motionary.errors import InputError
+from motionary.files import readable
+from motionary.motion.rotations import rotmat_to_unitquat
+
+JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
+_RULE = "must be a glTF 2.0 file"
+_MOST_NODES = 20_000
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+
+def chunks(path: Path) -> tuple[dict[str, Any], bytes]:
+    """JSON and binary buffer of a .glb file.
+
+    Raises:
+        InputError: another format, truncated, or JSON that is none.
+    """
+    content, rule = path.read_bytes(), "must be a glTF 2.0 binary file"
+    if content[:4] != b"glTF" or len(content) < 20:
+        raise InputError(path, content[:4], rule)
+    document, data, at = None, b"", 12
+    while at + 8 <= len(content):
+        length, kind = struct.unpack_from("<I4s", content, at)
+        if at + 8 + length > len(content):
+            raise InputError(path, "truncated", rule)
+        chunk = content[at + 8 : at + 8 + length]
+        if kind == JSON_CHUNK and document is None:
+            document = _parsed(path, chunk)
+        elif kind == BIN_CHUNK:
+            data = chunk
+        at += 8 + length
+    if document is None:
+        raise InputError(path, "no JSON", rule)
+    return document, data
+
+
+def packed(document: dict[str, Any], data: bytes) -> bytes:
+    """The contents of a .glb file with this JSON and binary buffer."""
+    text = json.dumps(document, separators=(",", ":")).encode()
+    parts = ((JSON_CHUNK, text + b" " * (-len(text) % 4)), (BIN_CHUNK, data + b"\0" * (-len(data) % 4)))
+    body = b"".join(struct.pack("<I", len(part)) + kind + part for kind, part in parts)
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+def _parsed(path: Path, text: bytes) -> dict[str, Any]:
+    try:
+        document = json.loads(text.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(path, error, _RULE) from None
+    if not isinstance(document, dict):
+        raise InputError(path, type(document).__name__, _RULE)
+    return document
+
+
+@dataclass(frozen=True)
+class GltfNode:
+    """A node at rest.
+
+    Attributes:
+        name: "node<i>" where it has none.
+        children: indices of its nodes.
+        translation, rotation, scale: (3,), (4,) unit quaternion xyzw, (3,); of its matrix where it has one.
+    """
+
+    name: str
+    children: tuple[int, ...]
+    translation: np.ndarray
+    rotation: np.ndarray
+    scale: np.ndarray
+
+
+@dataclass(frozen=True)
+class GltfFile:
+    """A glTF file whose parts are read, and checked, as they are asked for.
+
+    Attributes:
+        path: names it in errors.
+        document: its JSON.
+        data: a .glb's binary buffer.
+    """
+
+    path: Path
+    document: dict[str, Any]
+    data: bytes = field(repr=False)
+    _buffers: dict[int, bytes] = field(default_factory=dict, repr=False)
+
+    @staticmethod
+    def read(path: str | os.PathLike) -> GltfFile:
+        """Open a .glb or .gltf file.
+
+        Raises:
+            InputError: not glTF 2.0, or it needs an extension that packs its buffers.
+        """
+        path = readable(path)
+        with path.open("rb") as file:
+            binary = file.read(4) == b"glTF"
+        document, data = chunks(path) if binary else (_parsed(path, path.read_bytes()), b"")
+        asset = document.get("asset")
+        version = asset.get("version") if isinstance(asset, dict) else None
+        if not str(version).startswith("2."):
+            raise InputError(path, f"version {version}", _RULE)
+        return GltfFile(path, document, data)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file and of the buffers that were read."""
+        return self.path.stat().st_size + sum(map(len, self._buffers.values()))
+
+    def wrong(self, what: str, value: object, rule: str) -> InputError:
+        """The complaint about a part of the file."""
+        return InputError(f"{self.path}, {what}", value, rule)
+
+    def entries(self, key: str, holder: dict[str, Any] | None = None, where: str = "") -> list[dict[str, Any]]:
+        """The objects of a list of the document, or of a part of it; none where it is absent."""
+        found = (self.document if holder is None else holder).get(key, [])
+        if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
+            raise self.wrong(f"{where}{key}", found, "must be a list of objects")
+        return found
+
+    def index(self, value: object, count: int, what: str) -> int:
+        """A whole number below `count`."""
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < count:
+            raise self.wrong(what, value, f"must be a whole number below {count}")
+        return value
+
+    def numbers(self, values: object, count: int, what: str) -> np.ndarray:
+        """(count,) finite numbers of the JSON."""
+        try:
+            found = np.array(values, np.float64)
+        except (ValueError, TypeError, OverflowError):
+            found = np.empty(0)
+        if found.shape != (count,) or not np.isfinite(found).all():
+            raise self.wrong(what, values, f"must be {count} finite numbers")
+        return found
+
+    @cached_property
+    def nodes(self) -> list[GltfNode]:
+        """All nodes."""
+        entries = self.entries("nodes")
+        if len(entries) > _MOST_NODES:
+            raise self.wrong("nodes", len(entries), f"must be at most {_MOST_NODES:,}")
+        return [self._node(i, entry, len(entries)) for i, entry in enumerate(entries)]
+
+    @cached_property
+    def parents(self) -> dict[int, int]:
+        """The parent of each node that has one; the nodes are trees."""
+        found: dict[int, int] = {}
+        for i, node in enumerate(self.nodes):
+            for child in node.children:
+                if child in found or child == i:
+                    raise self.wrong(f"node {i}, children", child, "must be a tree: no node has two parents")
+                found[child] = i
+        free = {i for i in range(len(self.nodes)) if i not in found}
+        stack = list(free)
+        while stack:
+            children = self.nodes[stack.pop()].children
+            free.update(children)
+            stack += children
+        if len(free) < len(self.nodes):
+            raise self.wrong("nodes", f"{len(self.nodes) - len(free)} in a circle", "must be trees")
+        return found
+
+    def _node(self, i: int, entry: dict[str, Any], count: int) -> GltfNode:
+        where, name, children = f"node {i}", entry.get("name"), entry.get("children", [])
+        if not isinstance(children, list):
+            raise self.wrong(f"{where}, children", children, "must be a list of nodes")
+        below = tuple(self.index(child, count, f"{where}, children") for child in children)
+        if "matrix" in entry:
+            matrix = self.numbers(entry["matrix"], 16, f"{where}, matrix").reshape(4, 4).T
+            scale = np.linalg.norm(matrix[:3, :3], axis=0)
+            if np.linalg.det(matrix[:3, :3]) < 0:
+                scale = -scale
+            turn = rotmat_to_unitquat(matrix[:3, :3] / np.where(scale == 0, 1, scale))
+            move = matrix[:3, 3]
+        else:
+            move = self.numbers(entry.get("translation", [0, 0, 0]), 3, f"{where}, translation")
+            turn = self.numbers(entry.get("rotation", [0, 0, 0, 1]), 4, f"{where}, rotation")
+            scale = self.numbers(entry.get("scale", [1, 1, 1]), 3, f"{where}, scale")
+        if not (length := float(np.linalg.norm(turn))) > 1e-6 or not np.isfinite(turn).all():
+            raise self.wrong(f"{where}, rotation", turn.tolist(), "must be a unit quaternion")
+        return GltfNode(
+            name if isinstance(name, str) and name.strip() else f"node{i}", below, move, turn / length, scale
+        )
+
+    def accessor(self, index: object, width: int, what: str) -> np.ndarray:
+        """The values (n, width) float64 of an accessor; whole numbers that stand for fractions are made these.
+
+        Args:
+            index: of the accessor.
+            width: numbers a value must have.
+            what: names it in errors.
+
+        Raises:
+            InputError: no such accessor, another kind of values, more than its buffer holds, or not finite.
+        """
+        entries = self.entries("accessors")
+        entry = entries[self.index(index, len(entries), what)]
+        kind, component = entry.get("type"), entry.get("componentType")
+        dtype = _COMPONENTS.get(component) if isinstance(component, int) else None
+        if not isinstance(kind, str) or _WIDTHS.get(kind) != width or dtype is None:
+            raise self.wrong(what, f"{kind} of {component}", f"must be glTF's numbers, {width} a value")
+        if "sparse" in entry or "bufferView" not in entry:
+            raise self.wrong(what, "sparse", "accessors without plain data are not read: export without sparse ones")
+        number = np.dtype(dtype)
+        count = self._count(entry, "count", f"{what}, count")
+        values = self._view(entry["bufferView"], self._count(entry, "byteOffset", what, 0), count, width, number, what)
+        found = values.astype(np.float64)
+        if entry.get("normalized") is True and number.kind in "iu":
+            found = np.maximum(found / np.iinfo(number).max, -1)
+        if not np.isfinite(found).all():
+            raise self.wrong(what, "not finite", "must be finite numbers")
+        return found
+
+    def _view(self, index: object, offset: int, count: int, width: int, number: np.dtype, what: str) -> np.ndarray:
+        views = self.entries("bufferViews")
+        view = views[self.index(index, len(views), f"{what}, bufferView")]
+        if "extensions" in view:
+            raise self.wrong(what, ", ".join(map(str, view["extensions"])), "packed buffers are not read: unpack them")
+        data = self._buffer(view.get("buffer"), what)
+        start, length = self._count(view, "byteOffset", what, 0), self._count(view, "byteLength", what)
+        size = width * number.itemsize
+        stride = self._count(view, "byteStride", what, size) or size
+        needed = offset + (count - 1) * stride + size if count else 0
+        if stride < size or needed > length or start + length > len(data):
+            rule = f"must lie within its buffer of {len(data):,} bytes (truncated?)"
+            raise self.wrong(what, f"{count} values of {size} bytes", rule)
+        return np.ndarray((count, width), number, data, start + offset, (stride, number.itemsize))
+
+    def _count(self, entry: dict[str, Any], key: str, what: str, otherwise: int | None = None) -> int:
+        value = entry.get(key, otherwise)
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 40:
+            raise self.wrong(f"{what}, {key}", value, "must be a whole number of at least 0")
+        return value
+
+    def _buffer(self, index: object, what: str) -> bytes:
+        buffers = self.entries("buffers")
+        at = self.index(index, len(buffers), f"{what}, buffer")
+        if at not in self._buffers:
+            uri = buffers[at].get("uri")
+            self._buffers[at] = self.data if uri is None else self._loaded(uri, f"buffer {at}")
+        return self._buffers[at]
+
+    def _loaded(self, uri: object, what: str) -> bytes:
+        """A buffer written into the JSON, or a file beside it."""
+        if not isinstance(uri, str):
+            raise self.wrong(f"{what}, uri", uri, "must be text")
+        if uri.startswith("data:"):
+            kind, _, text = uri.partition(",")
+            try:
+                return base64.b64decode(text if kind.endswith(";base64") else "*", validate=True)
+            except (binascii.Error, ValueError):
+                raise self.wrong(f"{what}, uri", uri[:40], "must be base64") from None
+        file = self.path.parent / unquote(uri)
+        here = file.resolve().is_relative_to(self.path.parent.resolve())
+        if ":" in uri or "\0" in unquote(uri) or not here or not file.is_file():
+            raise self.wrong(f"{what}, uri", uri, "must be a file in the folder of the .gltf")
+        return readable(file).read_bytes()
