@@ -23,6 +23,7 @@ import yaml
 
 from motionary.errors import InputError
 from motionary.pipeline.check import check_params
+from motionary.pipeline.journal import WATCHED
 from motionary.pipeline.params import write_params
 from motionary.report.table import NONE, Table
 from motionary.study.experiments import paths_of, read_pipeline, with_values
@@ -30,7 +31,6 @@ from motionary.study.experiments import paths_of, read_pipeline, with_values
 REPOSITORY = Path(__file__).resolve().parents[1]
 COPIED = ("conf", "stages", "src", "dvc.yaml")
 PREPARES = "preprocess"
-NOBODY = "http://127.0.0.1:9"  # no server of MLflow: what is tracked here is of no use
 # ru_maxrss counts kilobytes, on macOS bytes.
 RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 
@@ -96,7 +96,8 @@ def run_stage(root: Path, name: str, stage: Mapping[str, Any], composed: str) ->
     """
     command = [sys.executable, *shlex.split(stage["cmd"].replace("${composed}", composed))[1:]]
     environment = {k: v for k, v in os.environ.items() if k != "DVC_ROOT"} | {"DVC_STAGE": name}
-    environment |= {"PYTHONPATH": str(root / "src"), "OMP_NUM_THREADS": "1", "MLFLOW_TRACKING_URI": NOBODY}
+    environment |= {"PYTHONPATH": str(root / "src"), "OMP_NUM_THREADS": "1"}
+    environment[WATCHED] = "1"  # and nobody watches: what is tracked here is of no use
     log = root / f"{name}.log"
     started = time.monotonic()
     with log.open("w") as out:

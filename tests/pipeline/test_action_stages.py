@@ -13,6 +13,7 @@ import pytest
 from motionary.corpus.demo import demo_clip
 from motionary.corpus.preprocess import preprocess
 from motionary.errors import InputError
+from motionary.pipeline.journal import WATCHED
 from motionary.systems.io import open_system
 
 pytestmark = pytest.mark.slow
@@ -30,7 +31,7 @@ def test_a_corpus_without_actions_runs_through(repository, tmp_path):
     preprocess({"source": "folder", "roots": [str(clips)], "workers": 1}, root / "data/corpus", progress=False)
     for name in ("action_evaluator", "action2motion", "action_evaluation"):
         command = [sys.executable, f"stages/{name}.py", "threads=1", "device=cpu"]
-        environment = os.environ | {"DVC_STAGE": name, "PYTHONPATH": str(root / "src")}
+        environment = os.environ | {"DVC_STAGE": name, "PYTHONPATH": str(root / "src"), WATCHED: "1"}
         done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=600)
         assert done.returncode == 0, done.stderr[-2000:]
         assert "the corpus names" in done.stdout

@@ -16,6 +16,7 @@ from acclaim_files import HEADER
 
 from motionary.corpus.demo import demo_clip
 from motionary.pipeline.code import INFRASTRUCTURE, Code
+from motionary.pipeline.journal import WATCHED
 from motionary.pipeline.params import write_params
 from motionary.study.experiments import paths_of, read_pipeline, with_values
 
@@ -201,7 +202,7 @@ def loaded(repository, tmp_path_factory) -> tuple[Path, dict[str, set[str]]]:
     (home / "jobs.json").write_text(json.dumps(in_order(listed)))
     paths = os.pathsep.join((str(root / "src"), str(TRACED)))
     environment = os.environ | {"PYTHONPATH": paths, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
-    environment["MLFLOW_TRACKING_URI"] = "http://127.0.0.1:9"  # nothing there: tracking is none of this
+    environment[WATCHED] = "1"  # and nobody watches: tracking is none of this
     command = [sys.executable, str(TRACED / "run_stages.py"), str(root), str(home / "jobs.json")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=1800)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]

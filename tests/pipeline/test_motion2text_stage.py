@@ -16,6 +16,7 @@ from torch.nn.utils import parameters_to_vector
 from motionary.corpus.store import Corpus
 from motionary.corpus.token_store import TokenStore
 from motionary.pipeline.code import code_hash
+from motionary.pipeline.journal import WATCHED
 from motionary.systems.io import load_model, open_system
 
 pytestmark = pytest.mark.slow
@@ -46,7 +47,7 @@ def test_two_processes_train_every_member(repository, tmp_path):
     settings = [f"motion2text.{s}" for s in (*small, "offsets=2", "ensemble=2", "wording=written")]
     launch = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     command = [*launch, "stages/motion2text.py", *settings, "scale=tiny", "threads=1", "device=cpu"]
-    environment = os.environ | {"DVC_STAGE": "motion2text", "PYTHONPATH": str(root / "src")}
+    environment = os.environ | {"DVC_STAGE": "motion2text", "PYTHONPATH": str(root / "src"), WATCHED: "1"}
     done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-3000:]
     captioner = open_system("motion2text", "motion_to_text", root / "models")

@@ -12,6 +12,7 @@ import pytest
 
 from motionary.corpus.demo import demo_clip
 from motionary.corpus.preprocess import preprocess
+from motionary.pipeline.journal import WATCHED
 from motionary.systems.io import open_system
 
 pytestmark = pytest.mark.slow
@@ -33,7 +34,7 @@ def test_without_style_labels_the_unsupervised_setting_is_trained(repository, tm
     def stage(name: str, *settings: str) -> subprocess.CompletedProcess:
         small = [f"{name}.{s}" for s in ("steps=2", "batch_size=2", "validate_every=2", "width=8", *settings)]
         command = [sys.executable, f"stages/{name}.py", *small, "threads=1", "device=cpu"]
-        environment = os.environ | {"DVC_STAGE": name, "PYTHONPATH": str(root / "src")}
+        environment = os.environ | {"DVC_STAGE": name, "PYTHONPATH": str(root / "src"), WATCHED: "1"}
         return subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=600)
 
     for name, settings in (("latents", ["code_dim=8"]), ("global_motion", []), ("stylization", ["style_dim=4"])):
