@@ -71,13 +71,14 @@ class Made:
         return path
 
 
-def character(motion: Any, prefix: str = "", seed: int = 0, posed: bool = False) -> Made:
+def character(motion: Any, prefix: str = "", seed: int = 0, posed: bool = False, inside: bool = False) -> Made:
     """A motion on a rig whose bones have axes of their own, in centimetres, z up, under a turned and scaled armature.
 
     Args:
         motion: with rotations.
         prefix: of the joints' names.
         seed: of the bones' axes.
+        inside: the skin is bound in the axes and unit inside the armature, not in the world's.
         posed: the nodes stand in the first frame's pose, and the inverse bind matrices alone tell the bind.
     """
     skeleton, frames = motion.skeleton, motion.frames
@@ -107,6 +108,10 @@ def character(motion: Any, prefix: str = "", seed: int = 0, posed: bool = False)
     matrices = np.tile(np.eye(4), (len(skeleton), 1, 1))
     matrices[:, :3, :3] = unitquat_to_rotmat(world) * 0.01
     matrices[:, :3, 3] = skeleton.rest
+    if inside:
+        armature = np.eye(4)
+        armature[:3, :3] = unitquat_to_rotmat(up) * 0.01
+        matrices = np.linalg.inv(armature) @ matrices
     inverse = np.linalg.inv(matrices).transpose(0, 2, 1).reshape(-1, 16)
     made.document["skins"] = [{"joints": list(range(len(skeleton))), "inverseBindMatrices": made.array(inverse)}]
     return made

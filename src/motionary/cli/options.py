@@ -124,11 +124,12 @@ def add_reading(add: argparse.ArgumentParser) -> None:
     add.add_argument("--mirror", action=yes_no, help="swap left and right, as left-handed files need (measured)")
     add.add_argument("--skip-first", action=yes_no, help="leave out the first frame (where it is a calibration pose)")
     add.add_argument("--animation", metavar="NAME", help="which one of a glb or gltf (the first that moves joints)")
+    add.add_argument("--body", metavar="FILE", help="a body model's npz, for AMASS files (SMPL's mean body)")
 
 
 def reading(options: argparse.Namespace) -> dict[str, Any]:
     """The arguments of `read_motion` that :func:`add_reading` gives, and a bar for long files where people look on."""
-    names = ("mapping", "up", "unit", "mirror", "skip_first", "animation")
+    names = ("mapping", "up", "unit", "mirror", "skip_first", "animation", "body")
     given = {name: getattr(options, name) for name in names}
     return {**given, "progress": sys.stderr.isatty()}
 

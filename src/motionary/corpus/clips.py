@@ -138,6 +138,8 @@ def read_listing(path: Path, parse, where: str | None = None) -> tuple[list, lis
 def reading(root: Path, values: dict[str, Any], where: str) -> ReadingOptions | None:
     """What a line says of how its motion is to be read; its mapping is a file in the folder, or the object itself."""
     told = {key: values[key] for key in READING_KEYS if values.get(key) is not None}
+    if isinstance(told.get("body"), str):
+        told["body"] = str(root / told["body"])
     mapping = values.get("mapping")
     if mapping is None:
         return ReadingOptions.told_at(where, **told) if told else None

@@ -16,7 +16,7 @@ from motionary.motion.rigs import REQUIRED, ROLES, find_roles
 from motionary.motion.tree import common_ancestor, roles_by_tree
 
 # Keys that a mapping file may hold beside roles: how its motions are to be read.
-READING_KEYS = ("up", "unit", "mirror", "skip_first")
+READING_KEYS = ("up", "unit", "mirror", "skip_first", "body")
 _LIMBS = (("pelvis", "hip", "knee", "ankle", "foot"), ("collar", "shoulder", "elbow", "wrist"))
 
 

@@ -61,10 +61,11 @@ def test_real_rigs_read_back(shared_data, tmp_path, name):
     same(again, motion, 6e-4)
 
 
+@pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("posed", [False, True])
-def test_a_rig_with_axes_of_its_own_is_read_in_the_world_s(tmp_path, person, posed):
+def test_a_rig_with_axes_of_its_own_is_read_in_the_world_s(tmp_path, person, posed, inside):
     """Bones turned any way, centimetres, z up, an armature above: places, and rotations from the bind, are the same."""
-    motion, reading = read_motion_with(character(person, posed=posed).glb(tmp_path / "a.glb"))
+    motion, reading = read_motion_with(character(person, posed=posed, inside=inside).glb(tmp_path / "a.glb"))
     same(motion, person)
     assert (reading.up, reading.unit, reading.mirrored) == ("y", 1.0, False)
 

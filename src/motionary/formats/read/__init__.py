@@ -46,10 +46,10 @@ def read_motion(
     Args:
         path: the file.
         mapping: the joint's name by role, for a rig that is not known (a dict or a JSON file); it may hold the keys
-            ``up``, ``unit``, ``mirror`` and ``skip_first`` too. See :func:`motionary.motion.name_joints`.
-        options: ``up``, ``unit``, ``mirror`` and ``skip_first`` (see `ReadingOptions`) and ``fps`` for all formats,
-            ``skeleton`` for arrays, ``asf`` for AMC, ``animation`` (its name) for glTF. ``progress=True`` shows a bar
-            while a long text file is read. None means not given.
+            ``up``, ``unit``, ``mirror``, ``skip_first`` and ``body`` too. See :func:`motionary.motion.name_joints`.
+        options: ``up``, ``unit``, ``mirror``, ``skip_first`` and ``body`` (see `ReadingOptions`) and ``fps`` for all
+            formats, ``skeleton`` for arrays, ``asf`` for AMC, ``animation`` (its name) for glTF. ``progress=True``
+            shows a bar while a long text file is read. None means not given.
 
     Returns:
         The motion in metres, y up.
@@ -90,7 +90,10 @@ def read_motion_with(
     extra = given(reader, path, {key: value for key, value in options.items() if key in _FORMAT_OPTIONS})
     motion, reading = _read(reader, Path(path), how, extra)
     told = tuple(dict.fromkeys((*reading.told, *(["mapping"] if how.mapping else []))))
-    return motion, replace(reading, told=told)
+    notes = reading.notes
+    if how.body is not None and "body" not in told:
+        notes = (*notes, "the body model was left aside: only SMPL poses, as AMASS has them, are read on one")
+    return motion, replace(reading, told=told, notes=notes)
 
 
 def _read(

@@ -80,7 +80,7 @@ def npz_with(
         InputError: no positions nor poses in it, damaged, pickled objects, or more than a file of its size can hold.
     """
     path, options = readable(path), options or ReadingOptions()
-    arrays = _arrays(path)
+    arrays = _arrays(path, (*SMPL_KEYS, *([] if options.body is None else ["betas"])))
     if "positions" not in arrays:
         return smpl_motion(path, arrays, fps, options)
     if fps is None and "fps" in arrays:
@@ -95,14 +95,14 @@ def npz_with(
     return found if "skeleton" in arrays or "rotations" in arrays else _on_its_body(found)
 
 
-def _arrays(path: Path) -> dict[str, np.ndarray]:
-    """The arrays that are looked at; either positions or poses are among them."""
+def _arrays(path: Path, of_smpl: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """The arrays that are looked at; either positions or poses are among them, and with poses those `of_smpl`."""
     with ArrayArchive(path) as archive:
         names = archive.names
         if "positions" not in names and not {"poses", "trans"} <= set(names):
             rule = "must hold 'positions' (T, J, 3), or SMPL's 'poses' and 'trans' as AMASS does"
             raise InputError(path, f"holds {', '.join(names) or 'nothing'}", rule)
-        wanted = ("positions", "rotations", "fps", "skeleton") if "positions" in names else SMPL_KEYS
+        wanted = ("positions", "rotations", "fps", "skeleton") if "positions" in names else of_smpl
         return {key: archive.read(key, TEXT if key == "skeleton" else NUMBERS) for key in wanted if key in names}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
@@ -29,6 +30,7 @@ class ReadingOptions:
         skip_first: drop the first frame, a calibration pose.
         mapping: joint name by role, for rigs that are not known.
         usual: by "up", "unit" and "mirror", log-odds by value in favour of what other files of the same rig hold.
+        body: a body model's .npz, on whose joints SMPL poses (AMASS) are read, of the shape that the file tells.
         progress: show a bar while a text file is read that takes longer than a second.
 
     Raises:
@@ -41,6 +43,7 @@ class ReadingOptions:
     skip_first: bool | None = None
     mapping: Mapping[str, str] | None = field(default=None, hash=False)
     usual: Mapping[str, Mapping[str, float]] | None = field(default=None, hash=False)
+    body: str | os.PathLike | None = None
     progress: bool | None = None
 
     def __post_init__(self):
@@ -52,6 +55,8 @@ class ReadingOptions:
         if self.unit is not None and not _SMALLEST <= self.scale <= _LARGEST:
             rule = f"must be metres per unit, {_SMALLEST:g} to {_LARGEST:g}, or one of {', '.join(UNITS)}"
             raise InputError("unit", self.unit, rule)
+        if self.body is not None and (not isinstance(self.body, str | os.PathLike) or not str(self.body)):
+            raise InputError("body", self.body, "must be the path of a body model (.npz)")
         for name in ("mirror", "skip_first"):
             value = getattr(self, name)
             value = _SWITCHES.get(value.lower(), value) if isinstance(value, str) else value
@@ -74,6 +79,8 @@ class ReadingOptions:
     def from_mapping(given: Path | str | Mapping[str, Any]) -> ReadingOptions:
         """The options of a mapping (a JSON file or a dict): joint names by role, and `READING_KEYS` beside them.
 
+        A `body` is a path as seen from the file.
+
         Raises:
             InputError: an unreadable file, an unknown key or a wrong value; the file is named.
         """
@@ -81,6 +88,8 @@ class ReadingOptions:
         roles, named = FileMapping(checked_mapping(given)), "" if isinstance(given, Mapping) else str(given)
         roles.where = named or "mapping"
         told = {key: values[key] for key in READING_KEYS if key in values}
+        if named and isinstance(told.get("body"), str):
+            told["body"] = str(Path(named).parent / told["body"])
         return ReadingOptions.told_at(named, mapping=roles or None, **told)
 
     @staticmethod

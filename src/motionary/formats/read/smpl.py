@@ -1,7 +1,8 @@
-"""SMPL poses as AMASS stores them (SMPL, SMPL-H and SMPL-X): joints by forward kinematics on the mean shape.
+"""SMPL poses as AMASS stores them (SMPL, SMPL-H and SMPL-X): joints by forward kinematics.
 
-The rest joints are those of SMPL's mean body, as published with many tools that read SMPL without its licensed model
-(smpl2bvh, EDGE); shape parameters are left aside, so that every body has the mean's proportions.
+Where the user has the licensed body model, the rest joints are those of the file's own shape. Without it they are those
+of SMPL's mean body, as published with many tools that read SMPL without its model (smpl2bvh, EDGE); shape parameters
+are then left aside, so that every body has the mean's proportions.
 """
 
 from __future__ import annotations
@@ -12,13 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from motionary.errors import InputError
+from motionary.formats.animated_rig import place
+from motionary.formats.read.body_model import BODY, read_body
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
 from motionary.motion import Motion, Skeleton, name_joints
-from motionary.motion.rotations import quat_action, quat_product
+from motionary.motion.rotations import rotvec_to_unitquat
 
 SMPL_KEYS = ("poses", "trans", "mocap_framerate", "mocap_frame_rate", "fps")
-_BODY = 22  # the first joints of all three models; what follows is hands and face
 _WIDTHS = (66, 72, 156, 165)  # SMPL's body alone, SMPL, SMPL-H, SMPL-X
 SMPL_ROOT = np.array([-0.0018, -0.2233, 0.0282])  # where the mean body's pelvis is when trans is 0
 SMPL_OFFSETS = np.array(
@@ -47,6 +49,7 @@ SMPL_OFFSETS = np.array(
         [-0.26910836, 0.00679372, -0.00602676],
     ]
 )
+_SAME_SHAPE = 1e-3  # by which betas of one body may differ
 # AMASS is z up; other tools write the same arrays y up.
 _USUAL = {"up": {"z": 2.5, "y": 1.0}}
 
@@ -60,25 +63,29 @@ def smpl_motion(
         path: names the file in errors.
         arrays: `poses` (T, 66, 72, 156 or 165) axis-angle, `trans` (T, 3) metres, and the rate.
         fps: overrides the file's rate.
-        options: what the user knows of the file; it is in metres and not mirrored unless told.
+        options: what the user knows of the file; it is in metres and not mirrored unless told. With its `body` the
+            joints are those of the file's `betas` (n,), or (T, n) that do not change.
 
     Raises:
         InputError: arrays of other shapes, no rate, or values that are not finite.
     """
     poses, trans = _checked(path, arrays)
     rate = _rate(path, arrays) if fps is None else fps
-    skeleton = Skeleton.named("smpl22").with_offsets(SMPL_OFFSETS)
-    rotations = _quaternions(poses[:, : 3 * _BODY].reshape(len(poses), _BODY, 3))
-    positions = _place(skeleton, rotations, trans + SMPL_ROOT)
-    rest = _place(skeleton, np.tile([0.0, 0, 0, 1], (1, _BODY, 1)), np.zeros((1, 3)))[0]
+    offsets, pelvis, notes = _rest(path, arrays, options)
+    skeleton = Skeleton.named("smpl22").with_offsets(offsets)
+    rotations = rotvec_to_unitquat(poses[:, : 3 * BODY].reshape(len(poses), BODY, 3))
+    positions, _ = place(skeleton.parents, rotations, _moved(offsets, trans + pelvis))
+    rest = place(skeleton.parents, np.tile([0.0, 0, 0, 1], (1, BODY, 1)), offsets[None])[0][0]
     options = options.over(ReadingOptions(unit=1.0, mirror=False))
-    settled = with_roles(settle(positions, dict(skeleton.roles), rate, options, rest, usual=_USUAL), "names", [])
+    settled = with_roles(settle(positions, dict(skeleton.roles), rate, options, rest, usual=_USUAL), "names", notes)
     positions, rotations = settled.points(positions), settled.rotations(rotations)
     reading = settled.reading
+    if options.body is not None:
+        reading = replace(reading, told=(*reading.told, "body"))
     if options.skip_first and len(positions) > 1:
         positions, rotations = positions[1:], rotations[1:]
         reading = replace(reading, skipped_first=True)
-    skeleton = skeleton.with_offsets(settled.offsets(SMPL_OFFSETS))
+    skeleton = skeleton.with_offsets(settled.offsets(offsets))
     try:
         motion = Motion(positions.astype(np.float32), rate, skeleton, rotations.astype(np.float32))
         return (motion if options.mapping is None else name_joints(motion, options.mapping)), reading
@@ -106,18 +113,32 @@ def _rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
     raise InputError(path, "no mocap_framerate", "SMPL poses need a rate: fps=, --fps")
 
 
-def _quaternions(vectors: np.ndarray) -> np.ndarray:
-    """Unit quaternions xyzw of axis-angle vectors (..., 3)."""
-    angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    share = np.where(angle > 1e-8, np.sin(angle / 2) / np.maximum(angle, 1e-8), 0.5)
-    return np.concatenate([vectors * share, np.cos(angle / 2)], axis=-1)
+def _rest(
+    path: Path, arrays: dict[str, np.ndarray], options: ReadingOptions
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Offsets (22, 3) of the joints, where the pelvis is when trans is 0, and what to say of it."""
+    if options.body is None:
+        return SMPL_OFFSETS, SMPL_ROOT, []
+    body, notes = read_body(options.body), []
+    if "betas" not in arrays:
+        notes.append("it holds no betas, so that the body has the model's mean shape")
+    betas = arrays.get("betas", np.zeros(1))
+    if betas.ndim not in (1, 2) or betas.size == 0 or not np.isfinite(betas).all():
+        raise InputError(f"{path}, betas", f"{betas.dtype} {betas.shape}", "must be finite numbers (n,) or (T, n)")
+    rows = np.atleast_2d(betas).astype(np.float64)
+    if np.ptp(rows, axis=0).max() > _SAME_SHAPE:
+        notes.append("its betas change over time; the first ones were taken")
+    if (rows[0, body.shapes.shape[-1] :] != 0).any():
+        notes.append(
+            f"it has {rows.shape[1]} betas and the body model {body.shapes.shape[-1]}; the others were left out"
+        )
+    joints = body.joints(rows[0])
+    offsets = joints - joints[[0, *Skeleton.named("smpl22").parents[1:]]]
+    return offsets, joints[0], notes
 
 
-def _place(skeleton: Skeleton, rotations: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """(T, J, 3) joints by forward kinematics, without torch."""
-    turned, positions = rotations.copy(), np.empty((*rotations.shape[:2], 3))
-    positions[:, 0] = root
-    for j, p in enumerate(skeleton.parents[1:], 1):
-        positions[:, j] = positions[:, p] + quat_action(turned[:, p], SMPL_OFFSETS[j])
-        turned[:, j] = quat_product(turned[:, p], rotations[:, j])
-    return positions
+def _moved(offsets: np.ndarray, root: np.ndarray) -> np.ndarray:
+    """(T, 22, 3) translations: the root's places (T, 3), and the offsets of all others."""
+    moved = np.repeat(offsets[None], len(root), axis=0)
+    moved[:, 0] = root
+    return moved
