@@ -61,6 +61,36 @@ def test_enter_asks(app, visitor):
     visitor.says("1\\. a person walks**", "Captioned:")
 
 
+def test_a_motion_goes_on_with_what_follows_and_goes_along_a_path(app, visitor):
+    visitor.ask("Prompt", "a person walks")
+    visitor.ask("Then", "a person jumps; a person <b>walks;")
+    visitor.ask("Seconds", 1.0)
+    visitor.enter()
+    visitor.says("Read as: a person walk", "Read as: a person jump")
+    (motion,) = shown(app)
+    assert motion.duration > 2.5  # three seconds but for what the seams take
+    assert (
+        app._panels[max(app._panels)].player.items[0].said
+        == "a person walks, then a person jumps, then a person <b>walks"
+    )
+    visitor.ask("Then", "")
+    visitor.ask("Path", "0,0 0,1 1,1")
+    visitor.texts.clear()
+    visitor.enter()
+    visitor.says("Read as: a person walk")
+    ground = shown(app)[0].positions[:, 0, [0, 2]]
+    assert np.abs(ground[-1] - ground[0] - [1, 1]).max() < 0.1
+    visitor.ask("Loop", True)
+    visitor.enter()
+    visitor.until(lambda: visitor.notes, "a refusal")
+    assert "contradict each other" in visitor.notes[-1]
+    visitor.ask("Loop", False)
+    visitor.ask("Path", "0,0 north")
+    visitor.enter()
+    visitor.until(lambda: len(visitor.notes) > 1, "another refusal")
+    assert "must be points x,z" in visitor.notes[-1]
+
+
 def test_styles_go_on_from_what_is_shown_and_not_from_the_last_upload(app, visitor, tmp_path):
     walk = demo_clip(3)[0]
     walk.save(tmp_path / "walk.npz")

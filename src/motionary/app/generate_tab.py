@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from motionary.app import limits
 from motionary.app.limits import among, within
 from motionary.app.player import Item
 from motionary.app.visit import Visit
-from motionary.app.wording import plain, titles
+from motionary.app.wording import plain, short, titles
+from motionary.errors import InputError
 from motionary.language import PromptReading
 from motionary.motion import Motion
+from motionary.motion.paths import read_points
 from motionary.systems.registry import find
 
 
@@ -39,6 +42,10 @@ class GenerateTab:
             )
             self._seed = visit.seed()
             self._feet = gui.add_checkbox("Feet stand", True, hint=limits.FEET)
+            self._then = gui.add_text("Then", "", hint="sentences that the motion goes on with, between semicolons")
+            self._loop = gui.add_checkbox("Loop", False, hint="it ends as it begins")
+            hint = "points of the ground to go along, in metres: 0,0 0,2 2,3 (x to the left, z ahead)"
+            self._path = gui.add_text("Path", "", hint=hint)
         self._system.on_update(lambda _: self._tell())
         form.on_submit(lambda _: self._start())
         button.on_click(lambda _: self._start())
@@ -63,14 +70,23 @@ class GenerateTab:
 
     def _work(self) -> None:
         """Generates and shows."""
-        visit, text = self._visit, self._prompt.value
+        visit, texts = self._visit, self._texts()
         length = within("seconds", self._seconds.value, 0, limits.MOST_GENERATED) or None
         n = int(within("variants", self._count.value, 1, limits.MOST_VARIANTS))
         name, seed = among("system", self._system.value, self._generators), visit.seeded(self._seed)
         feet = bool(self._feet.value)
-        motions = visit.turns.on_models(visit.dictionary.generate, text, n, length, name, seed, feet)
-        reading = visit.turns.on_models(visit.dictionary.reading, text)
-        visit.show(of_one_text(motions, text), read_line(reading))
+        path = read_points(short(str(self._path.value), limits.MOST_LETTERS)) or None
+        asked = partial(visit.dictionary.generate, join=len(texts) > 1, loop=bool(self._loop.value), path=path)
+        motions = visit.turns.on_models(asked, texts if len(texts) > 1 else texts[0], n, length, name, seed, feet)
+        lines = [read_line(visit.turns.on_models(visit.dictionary.reading, text)) for text in texts]
+        visit.show(of_one_text(motions, ", then ".join(texts)), "  \n".join(lines))
+
+    def _texts(self) -> list[str]:
+        """The prompt and what follows it; InputError where that is more than one motion can hold."""
+        more = [text.strip() for text in str(self._then.value).split(";") if text.strip()]
+        if len(more) > limits.MOST_FOLLOWING:
+            raise InputError("then", f"{len(more)} sentences", f"must be at most {limits.MOST_FOLLOWING}")
+        return [self._prompt.value, *more]
 
 
 def read_line(reading: PromptReading) -> str:

@@ -22,7 +22,9 @@ lengths.__name__ = "numbers between commas"  # argparse names the type in its me
 
 def points(text: str) -> list[list[float]]:
     """The type of --path: x,z pairs between blanks."""
-    return [[float(number) for number in pair.split(",")] for pair in text.split()]
+    from motionary.motion.paths import read_points
+
+    return read_points(text)
 
 
 points.__name__ = "points x,z between blanks"

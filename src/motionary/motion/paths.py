@@ -41,6 +41,14 @@ def checked_path(points: Any, seconds: float) -> np.ndarray:
     return path
 
 
+def read_points(text: str) -> list[list[float]]:
+    """The points of a path as people type them: "x,z x,z", in metres; InputError where one is no number."""
+    try:
+        return [[float(number) for number in pair.split(",")] for pair in text.split()]
+    except ValueError:
+        raise InputError("path", text, "must be points x,z between blanks, in metres") from None
+
+
 def length_of(path: np.ndarray) -> float:
     """Metres of a line (N, 2)."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum())
