@@ -78,16 +78,18 @@ def draw(graph: Any, about: dict[str, str]) -> Any:
             at[name] = _ACROSS * (column + 0.5), _DOWN * (rows / 2 + len(names) / 2 - row - 0.5)
     for name, (x, y) in at.items():
         corner = x - _WIDTH / 2, y - _HEIGHT / 2
-        look = {"boxstyle": "round,pad=0,rounding_size=0.06", "facecolor": "#f2f6fb", "edgecolor": "#3b6ea5"}
-        axis.add_patch(FancyBboxPatch(corner, _WIDTH, _HEIGHT, linewidth=0.8, **look))
+        box = FancyBboxPatch(corner, _WIDTH, _HEIGHT, boxstyle="round,pad=0,rounding_size=0.06")
+        box.set(facecolor="#f2f6fb", edgecolor="#3b6ea5", linewidth=0.8)
+        axis.add_patch(box)
         axis.text(x, y + 0.17, name, ha="center", va="center", fontsize=9, fontweight="bold")
         words = textwrap.fill(_brief(about.get(name, "")), 34)
         axis.text(x, y - 0.1, words, ha="center", va="center", fontsize=6.5, color="#444444")
     for before, after in graph.edges:
         (x0, y0), (x1, y1) = at[before], at[after]
         ends = (x0 + _WIDTH / 2, y0), (x1 - _WIDTH / 2, y1)
-        bend = {"arrowstyle": "-|>", "mutation_scale": 7, "connectionstyle": "arc3,rad=0"}
-        axis.add_patch(FancyArrowPatch(*ends, color="#8aa4c0", linewidth=0.8, shrinkA=0, shrinkB=0, zorder=0, **bend))
+        arrow = FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=7, shrinkA=0, shrinkB=0, zorder=0)
+        arrow.set(color="#8aa4c0", linewidth=0.8)
+        axis.add_patch(arrow)
     return figure
 
 
