@@ -15,6 +15,7 @@ import numpy as np
 import torch
 
 from motionary.bench.actions import action2motion, actions
+from motionary.bench.long_take import long_bvh
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
 from motionary.bench.masked_work import MASKED_CASES
 from motionary.bench.measure import convolution_flops, cpu_time, least_time, matmul_rate
@@ -244,6 +245,7 @@ CASES: tuple[Case, ...] = (
     Case("mp4", "a motion of 10 s to mp4", _write(".mp4"), None, 5.0),
     Case("glb", "a motion of 10 s to glb, with a body", _write(".glb"), None, 0.3),
     Case("bvh", "a BVH of 10 s read", _read_bvh),
+    Case("bvh_long", "a BVH of two minutes read, 73 joints at 120 fps", long_bvh),
     Case("shell", "300 texts to files from the shell, start and load included", shell, None, 25.0),
     Case("page", "the page from its start", page, None, 5.0),
     Case("first_frame", "from a prompt to a moving figure, scale=small", first_frame, None, 2.0),

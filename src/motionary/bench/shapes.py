@@ -30,6 +30,7 @@ class Shapes:
         sequences, snippets, latent: text2motion batch, snippet codes that the temporal VAE is unrolled for, dimensions
             of z; its GRUs have gru_width, its text encoder text_width.
         prompts: sentences that the temporal VAE turns into motions of 4 x tokens frames.
+        take_frames: of a long take that is read.
         items: rows of the features that R-precision and FID are computed of.
         seconds: length of the motion that is written to files.
         small_width, small_gru_width, small_text_width: of the tokenizer and text2token at `scale=small`.
@@ -76,6 +77,7 @@ class Shapes:
     prompts: int = 32
     items: int = 4000
     seconds: float = 10.0
+    take_frames: int = 14_400
     small_width: int = 384
     small_gru_width: int = 512
     small_text_width: int = 256
@@ -104,5 +106,5 @@ SMALL = Shapes(
     style_window=32, acted_frames=6, style_width=16, small_width=16, small_gru_width=16, small_text_width=8,
     temos_frames=9, temos_tokens=5, temos_width=8, temos_layers=1, temos_inner=8, temos_heads=2,
     masked_codes=16, masked_dim=8, masked_quantizers=2, masked_tokens=4, masked_width=8, masked_layers=1,
-    masked_inner=8, masked_heads=2,
+    masked_inner=8, masked_heads=2, take_frames=30,
 )  # fmt: skip
