@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import glob
+import hashlib
 import io
+import json
 import os
 import re
 import secrets
@@ -16,6 +18,7 @@ from typing import BinaryIO
 
 from motionary.errors import InputError
 
+LISTED = "files.json"  # of a folder whose writer lists its files: their sizes and hashes
 UNFINISHED = ".unfinished-"  # how the names begin of what is being written; only a killed process leaves it
 DISK_REFUSALS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
 
@@ -175,6 +178,17 @@ def write_bytes(path: str | os.PathLike, data: bytes | str, force: bool = True) 
     with atomic_file(path, force) as temporary:
         temporary.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
     return Path(path)
+
+
+def list_files(folder: Path) -> None:
+    """Write ``files.json``: bytes and SHA-256 of every file below a folder, by path. Who trusts the list knows the
+    content without reading it, and who reads it can tell what a disk has damaged."""
+    found = {}
+    for path in sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / LISTED):
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        found[path.relative_to(folder).as_posix()] = {"bytes": path.stat().st_size, "sha256": digest}
+    (folder / LISTED).write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
 def leftovers(path: str | os.PathLike) -> list[Path]:

@@ -89,11 +89,12 @@ def test_a_corpus_s_report_too(corpus, tmp_path):
 @pytest.mark.parametrize("name", ["tokens.npy", "offsets.npy"])
 def test_damaged_tokens_are_named(tmp_path, name, damage):
     store = TokenStore.collect([np.arange(5), np.arange(3)])
-    store.save(tmp_path)
-    assert [list(TokenStore.load(tmp_path)[i]) for i in (0, 1)] == [list(store[i]) for i in (0, 1)]
-    damage(tmp_path / name)
-    with pytest.raises(InputError, match=rf"{name}: .*damaged; run `dvc repro tokenizer`"):
-        TokenStore.load(tmp_path)
+    folder = tmp_path / "residual_tokenizer"
+    store.save(folder)
+    assert [list(TokenStore.load(folder)[i]) for i in (0, 1)] == [list(store[i]) for i in (0, 1)]
+    damage(folder / name)
+    with pytest.raises(InputError, match=rf"{name}: .*damaged; run `dvc repro residual_tokenizer`"):
+        TokenStore.load(folder)
 
 
 def test_tokens_of_another_run_are_named(tmp_path):

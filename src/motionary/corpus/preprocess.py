@@ -27,10 +27,10 @@ from motionary.corpus.tagging import tagged
 from motionary.corpus.tally import Tally
 from motionary.corpus.windows import Rule, Window
 from motionary.corpus.workers import Encoded, Recipe, clip_labels, encode_clip, in_order
-from motionary.corpus.writing import FrameWriter, RunningStatistics, group_deviation, list_files
+from motionary.corpus.writing import FrameWriter, RunningStatistics, group_deviation
 from motionary.errors import InputError
 from motionary.features import UNIT, codec
-from motionary.files import atomic_folder
+from motionary.files import atomic_folder, list_files
 from motionary.language import Sentence, Vocabulary, mirror_text, sentence_from_tokens
 from motionary.motion import Skeleton
 

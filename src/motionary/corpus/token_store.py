@@ -43,9 +43,9 @@ class TokenStore:
     def load(cls, folder: str | Path) -> TokenStore:
         """Read what `save` wrote."""
         folder = Path(folder)
-        with written_by("tokenizer", folder / "tokens.npy"):
+        with written_by(folder.name, folder / "tokens.npy"):
             tokens = np.load(folder / "tokens.npy")
-        with written_by("tokenizer", folder / "offsets.npy"):
+        with written_by(folder.name, folder / "offsets.npy"):
             offsets = np.load(folder / "offsets.npy")
             if offsets[0] != 0 or offsets[-1] != len(tokens) or (np.diff(offsets) < 0).any():
                 raise InputError("offsets", f"0..{offsets[-1]}", f"must rise from 0 to {len(tokens)} tokens")

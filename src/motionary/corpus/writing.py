@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -38,17 +37,6 @@ class FrameWriter:
         # numpy pads the header so that the growing axis can be rewritten in place.
         header = {"descr": "<f4", "fortran_order": False, "shape": (self.frames, self.dim)}
         np.lib.format.write_array_header_1_0(self.file, header)
-
-
-def list_files(folder: Path) -> None:
-    """Write ``files.json``: bytes and SHA-256 of every file of a folder, by name. Who trusts the list knows the content
-    without reading it (see :func:`motionary.pipeline.workspace.content_hash`)."""
-    found = {}
-    for path in sorted(set(folder.iterdir()) - {folder / "files.json"}):
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        found[path.name] = {"bytes": path.stat().st_size, "sha256": digest}
-    (folder / "files.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
 class RunningStatistics:

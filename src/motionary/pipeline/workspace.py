@@ -5,18 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from motionary.errors import InputError
-from motionary.files import atomic_folder, write_bytes, written_by
+from motionary.files import LISTED, atomic_folder, list_files, write_bytes, written_by
 
-# Which stage writes a path that another stage reads; anything else under models/ is written by its namesake.
-_WRITERS = {"data/corpus": "preprocess", "data/sources": "source"}
-LISTED = "files.json"  # of a folder whose writer lists its files: their sizes and hashes
+# Which stage writes a folder that another stage reads; anything under models/ is written by its namesake.
+_WRITERS = {"corpus": "preprocess", "sources": "source"}
 
 
 @dataclass(frozen=True)
@@ -44,16 +43,21 @@ class Workspace:
         return cls(root, home, run_folder.resolve())
 
     def input(self, relative: str) -> Path:
-        """An upstream output; absent, the error names the stage to run."""
+        """An upstream output; absent or damaged, the error names the stage to run."""
         path = self.root / relative
         if not path.exists():
-            stage = _WRITERS.get(relative, Path(relative).name)
-            raise InputError(relative, "missing", f"run `dvc repro {stage}` first")
+            raise InputError(relative, "missing", f"run `dvc repro {_writer(path)}` first")
+        if (path / LISTED).is_file():
+            check_whole(path, self.home / ".cache" / "checked" / f"{relative.replace('/', '-')}.json")
         return path
 
-    def publish(self, relative: str) -> AbstractContextManager[Path]:
-        """A temporary folder that becomes the output `relative` when the block ends without an error."""
-        return atomic_folder(self.target / relative)
+    @contextmanager
+    def publish(self, relative: str) -> Iterator[Path]:
+        """A temporary folder that becomes the output `relative`, with a list of its files, when the block ends without
+        an error."""
+        with atomic_folder(self.target / relative) as folder:
+            yield folder
+            list_files(folder)
 
     def write_json(self, relative: str, values: Mapping[str, Any]) -> Path:
         """Writes `values` to the output file `relative`, atomically."""
@@ -63,7 +67,7 @@ class Workspace:
 def content_hash(*paths: Path) -> str:
     """Hash of files and of all files below folders: names and contents.
 
-    A folder with a ``files.json`` (see :func:`motionary.corpus.writing.list_files`) is named by that list and not read,
+    A folder with a ``files.json`` (see :func:`motionary.files.list_files`) is named by that list and not read,
     as every stage, and every process of it, would do with the whole corpus.
 
     Raises:
@@ -84,17 +88,61 @@ def content_hash(*paths: Path) -> str:
     return digest.hexdigest()
 
 
-def _check_list(folder: Path) -> None:
-    """The files of a folder against its list, by name and size."""
-    with written_by(_WRITERS["data/corpus"], folder / LISTED):
-        listed = {name: int(told["bytes"]) for name, told in json.loads((folder / LISTED).read_text()).items()}
+def check_whole(folder: Path, mark: Path) -> None:
+    """Holds the files of a folder against its list, by their content where it was not done since they were written.
+
+    Args:
+        folder: with a ``files.json``.
+        mark: a file that remembers sizes and times of what was found whole, so that a stage need not read all of a
+            corpus that a stage before it has read.
+
+    Raises:
+        InputError: a file is not what its stage wrote; the line names the file and the stage to run.
+    """
+    listed = _check_list(folder)
+    now = {}
+    for name in listed:
+        state = (folder / name).stat()
+        now[name] = [listed[name]["sha256"], state.st_size, state.st_mtime_ns]
+    try:
+        known = dict(json.loads(mark.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        known = {}  # none yet, or cut short: all is read
+    if known == now:
+        return
+    for name in listed:
+        if known.get(name) != now[name]:
+            with (folder / name).open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            if digest != listed[name]["sha256"]:
+                raise _damaged(folder / name, "damaged, its SHA-256 differs", f"must be as {LISTED} says", folder)
+    with suppress(OSError):  # no room for it: all is read the next time, too
+        mark.parent.mkdir(parents=True, exist_ok=True)
+        mark.write_text(json.dumps(now), encoding="utf-8")
+
+
+def _check_list(folder: Path) -> dict[str, Any]:
+    """The files of a folder against its list, by name and size; returns the list."""
+    with written_by(_writer(folder), folder / LISTED):
+        told = json.loads((folder / LISTED).read_text(encoding="utf-8"))
+        listed = {name: {"bytes": int(of["bytes"]), "sha256": str(of["sha256"])} for name, of in told.items()}
     here = {p.relative_to(folder).as_posix(): p.stat().st_size for p in folder.rglob("*") if p.is_file()}
     here.pop(LISTED)
-    for name in sorted({*listed, *here}):
-        if listed.get(name) != here.get(name):
-            found, told = (f"{sizes[name]:,} bytes" if name in sizes else "no such file" for sizes in (here, listed))
-            rule = f"{LISTED} says {told}; run `dvc repro {_WRITERS['data/corpus']}`"
-            raise InputError(folder / name, found, rule)
+    sizes = {name: of["bytes"] for name, of in listed.items()}
+    for name in sorted({*sizes, *here}):
+        if sizes.get(name) != here.get(name):
+            found, told = (f"{known[name]:,} bytes" if name in known else "no such file" for known in (here, sizes))
+            raise _damaged(folder / name, found, f"{LISTED} says {told}", folder)
+    return listed
+
+
+def _damaged(file: Path, found: str, rule: str, folder: Path) -> InputError:
+    return InputError(file, found, f"{rule}; run `dvc repro {_writer(folder)}`")
+
+
+def _writer(path: Path) -> str:
+    """Name of the stage that writes an upstream output."""
+    return _WRITERS.get(path.name, path.name)
 
 
 def values_hash(values: Any) -> str:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import errno
+import os
+import resource
 import subprocess
 import tempfile
 
 import numpy as np
+import psutil
 import pytest
 from imageio_ffmpeg import get_ffmpeg_exe, read_frames
 
 from motionary.errors import InputError
 from motionary.formats.render.figure import COLORS, limbs, segments
 from motionary.formats.render.scene import Scene
-from motionary.formats.render.video import _encode, render_frame, render_strip, write_video
+from motionary.formats.render.video import Board, _encode, render_frame, render_strip, write_video
 from motionary.motion import Motion, Skeleton
 
 
@@ -121,6 +124,37 @@ def test_a_full_disk_is_told_as_the_system_does(person, tmp_path, monkeypatch, k
     with pytest.raises(OSError, match="No space left") as caught:
         _encode(frames, (64, 64), 20.0, tmp_path / f"full.{kind}", kind == "gif")
     assert caught.value.errno == errno.ENOSPC
+
+
+@pytest.mark.parametrize("kind", ["mp4", "gif"])
+def test_a_video_of_which_the_last_byte_has_no_room_is_not_there(person, tmp_path, kind):
+    """The kernel's limit on a file's size stands for a full disk."""
+    path = write_video(person, tmp_path / f"a.{kind}", width=96, height=96)
+    limit = path.stat().st_size - 1
+    path.write_text("precious")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        with pytest.raises(InputError, match="cannot be written") as told:
+            write_video(person, path, width=96, height=96)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert str(told.value).startswith(str(path))
+    assert path.read_text() == "precious"
+    assert os.listdir(tmp_path) == [path.name]
+
+
+def test_a_video_whose_encoder_is_killed_is_not_there(person, tmp_path, monkeypatch):
+    def killed(self, seconds):
+        for child in psutil.Process().children():
+            if "ffmpeg" in child.name():
+                child.kill()
+        return self.base.copy()
+
+    monkeypatch.setattr(Board, "draw", killed)
+    with pytest.raises(InputError, match=r"a\.mp4: ffmpeg ended with -9: cannot be written"):
+        write_video(person, tmp_path / "a.mp4")
+    assert os.listdir(tmp_path) == []
 
 
 def test_strip_has_a_cell_per_pose(person, tmp_path):

@@ -63,7 +63,10 @@ def write_video(
     frames = (board.draw(i / fps) for i in range(count))
     frames = tqdm(frames, total=count, unit="frame", desc=path.name, disable=not progress)
     with atomic_file(path, force) as temporary:
-        _encode(frames, board.shape, fps, temporary, gif)
+        try:
+            _encode(frames, board.shape, fps, temporary, gif)
+        except subprocess.SubprocessError as error:
+            raise InputError(path, error, "cannot be written") from None
     return path
 
 
@@ -187,7 +190,8 @@ def _label(text: str, width: int, size: int) -> np.ndarray:
 
 
 def _encode(frames: Iterable[np.ndarray], shape: tuple[int, int], fps: float, path: Path, gif: bool) -> None:
-    """Pipe frames (H, W, 3) uint8 through ffmpeg into `path`; OSError where the disk takes no more."""
+    """Pipe frames (H, W, 3) uint8 through ffmpeg into `path`; OSError where the disk takes no more, SubprocessError
+    where ffmpeg ends without the whole video, as when it is killed."""
     from imageio_ffmpeg import get_ffmpeg_exe
 
     command = [get_ffmpeg_exe(), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
@@ -219,7 +223,7 @@ def _encode(frames: Iterable[np.ndarray], shape: tuple[int, int], fps: float, pa
         text = b" ".join(said).decode(errors="replace").strip()
         if number := _refusal(code, text):
             raise OSError(number, os.strerror(number))
-        raise RuntimeError(f"ffmpeg could not write {path.name}: {text}")
+        raise subprocess.SubprocessError(f"ffmpeg ended with {code}" + (f": {text}" if text else ""))
 
 
 def _refusal(code: int, said: str) -> int | None:
