@@ -180,14 +180,18 @@ def write_bytes(path: str | os.PathLike, data: bytes | str, force: bool = True) 
     return Path(path)
 
 
+def file_hash(path: Path) -> str:
+    """SHA-256 (hex) of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def list_files(folder: Path) -> None:
     """Write ``files.json``: bytes and SHA-256 of every file below a folder, by path. Who trusts the list knows the
     content without reading it, and who reads it can tell what a disk has damaged."""
     found = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / LISTED):
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        found[path.relative_to(folder).as_posix()] = {"bytes": path.stat().st_size, "sha256": digest}
+        found[path.relative_to(folder).as_posix()] = {"bytes": path.stat().st_size, "sha256": file_hash(path)}
     (folder / LISTED).write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from motionary.corpus.token_store import TokenStore
 from motionary.errors import InputError
-from motionary.files import list_files
+from motionary.files import file_hash, list_files
 from motionary.pipeline import workspace
 from motionary.pipeline.workspace import Workspace, check_whole, content_hash
 
@@ -116,11 +116,11 @@ def test_what_was_found_whole_is_read_once_until_it_changes(corpus, tmp_path, mo
     list_files(corpus)
     mark, read = tmp_path / "marks/corpus.json", []
 
-    def digest(file, kind):
-        read.append(Path(file.name).name)
-        return hashlib.new(kind, file.read())
+    def reading(path):
+        read.append(path.name)
+        return file_hash(path)
 
-    monkeypatch.setattr(workspace.hashlib, "file_digest", digest)
+    monkeypatch.setattr(workspace, "file_hash", reading)
     check_whole(corpus, mark)
     assert sorted(read) == ["context.json", "frames.npy"]
     check_whole(corpus, mark)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 
 from motionary.corpus.datasets import gather
-from motionary.files import atomic_folder, written_by
+from motionary.files import LISTED, atomic_folder, file_hash, list_files, written_by
 
 
 class Ragged:
@@ -32,10 +33,12 @@ class Ragged:
 
     @classmethod
     def cached(cls, folder: Path, rows: Callable[[], Iterable[np.ndarray]]) -> Ragged:
-        """Of the folder, a memory map; where it is not there, `rows` are made and written first, one at a time."""
-        if not folder.is_dir():
+        """Of the folder, a memory map; where it is not there, or a disk has damaged it, which a line says, `rows` are
+        made and written first, one at a time."""
+        if not folder.is_dir() or _damaged(folder):
             with atomic_folder(folder) as fresh:
                 _write(fresh, rows())
+                list_files(fresh)
         with written_by("code", folder / "shape.json"):
             found = json.loads((folder / "shape.json").read_text(encoding="utf-8"))
             offsets = np.load(folder / "offsets.npy")
@@ -54,6 +57,23 @@ class Ragged:
         """(B, N, ...) these rows, zero beyond their lengths (B,)."""
         count = self.lengths[rows]
         return gather(self.values, self.offsets[rows], count, int(count.max())), count
+
+
+def _damaged(folder: Path) -> bool:
+    """Whether a file is not what was written; says so."""
+    bad = _first_damaged(folder)
+    if bad:
+        print(f"warning: {folder / bad}: damaged; it is made anew", file=sys.stderr, flush=True)
+    return bool(bad)
+
+
+def _first_damaged(folder: Path) -> str:
+    """Name of a file that is not as the folder's list says, or of the list; "" where all are."""
+    try:
+        listed = {name: told["sha256"] for name, told in json.loads((folder / LISTED).read_text("utf-8")).items()}
+        return next((name for name in listed if file_hash(folder / name) != listed[name]), "")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return LISTED
 
 
 def _write(folder: Path, rows: Iterable[np.ndarray]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from motionary.errors import InputError
-from motionary.files import LISTED, atomic_folder, list_files, write_bytes, written_by
+from motionary.files import LISTED, atomic_folder, file_hash, list_files, write_bytes, written_by
 
 # Which stage writes a folder that another stage reads; anything under models/ is written by its namesake.
 _WRITERS = {"corpus": "preprocess", "sources": "source"}
@@ -111,11 +111,8 @@ def check_whole(folder: Path, mark: Path) -> None:
     if known == now:
         return
     for name in listed:
-        if known.get(name) != now[name]:
-            with (folder / name).open("rb") as file:
-                digest = hashlib.file_digest(file, "sha256").hexdigest()
-            if digest != listed[name]["sha256"]:
-                raise _damaged(folder / name, "damaged, its SHA-256 differs", f"must be as {LISTED} says", folder)
+        if known.get(name) != now[name] and file_hash(folder / name) != listed[name]["sha256"]:
+            raise _damaged(folder / name, "damaged, its SHA-256 differs", f"must be as {LISTED} says", folder)
     with suppress(OSError):  # no room for it: all is read the next time, too
         mark.parent.mkdir(parents=True, exist_ok=True)
         mark.write_text(json.dumps(now), encoding="utf-8")
