@@ -6,7 +6,7 @@ from typing import Any
 
 import hydra
 
-from motionary.corpus.acted import Acted, ActionLabels
+from motionary.corpus.acted import Acted, ActionLabels, lengths_told
 from motionary.corpus.store import Corpus
 from motionary.pipeline.stage import Stage, run_stage
 from motionary.pipeline.train import build, last_losses, train_each
@@ -29,6 +29,7 @@ def main(config):
         if models:
             data = Acted(corpus, labels, labels.rows(corpus, "train"), **stage.data)
             held = Acted(corpus, labels, labels.held(corpus), stage.data["window"], random=False)
+            report["short_windows"] = lengths_told(data, "action2motion")
             histories = train_each(stage, models, data, held, settings)
             report |= {name: last_losses(history) for name, history in histories.items()}
         else:

@@ -3,7 +3,7 @@
 from _project import ROOT  # isort: skip
 import hydra
 
-from motionary.corpus.acted import Acted, ActionLabels
+from motionary.corpus.acted import Acted, ActionLabels, lengths_told
 from motionary.corpus.store import Corpus
 from motionary.evaluation.real_actions import judge_real_actions
 from motionary.pipeline.stage import Stage, run_stage
@@ -23,6 +23,7 @@ def main(config):
         if model.branches:
             data = Acted(corpus, labels, labels.rows(corpus, "train"), **stage.data)
             held = Acted(corpus, labels, labels.held(corpus), stage.data["window"], random=False)
+            report["short_windows"] = lengths_told(data, "action_evaluator")
             report["training"] = last_losses(train(stage, model, data, held, settings))
         else:
             stage.figure_path("none").parent.mkdir(exist_ok=True)  # DVC expects the folder

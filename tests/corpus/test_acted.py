@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tiny import pipeline  # noqa: F401
 
-from motionary.corpus.acted import Acted, ActionLabels
+from motionary.corpus.acted import Acted, ActionLabels, lengths_told
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
 from motionary.motion import Motion
@@ -67,3 +67,23 @@ def test_short_clips_come_whole(corpus):
     assert not batch.joints[short, int(batch.frames[short]) :].any()
     with pytest.raises(InputError, match="window"):
         Acted(corpus, labels, rows, 0)
+
+
+def test_windows_shorter_than_asked_are_counted_and_said(corpus, capsys):
+    labels = ActionLabels.of(corpus)
+    rows = labels.rows(corpus, "train")
+    frames = np.sort(corpus.clips.length[rows])
+    told = {"windows": len(rows), "shorter": 0, "longest": int(frames[-1])}
+    assert lengths_told(Acted(corpus, labels, rows, int(frames[0])), "action2motion") == told
+    assert capsys.readouterr().out == ""
+    middle = int(frames[len(frames) // 2])
+    below = int((frames < middle).sum())
+    assert 0 < below < len(rows)
+    assert lengths_told(Acted(corpus, labels, rows, middle), "action2motion") == {**told, "shorter": below}
+    line = (
+        f"action2motion: {below} of {len(rows)} training windows are shorter than action2motion.window, {middle} frames"
+    )
+    assert capsys.readouterr().out == f"{line}; they are padded\n"
+    assert lengths_told(Acted(corpus, labels, rows, 10_000), "action_evaluator")["shorter"] == len(rows)
+    line = "action_evaluator: no training window is as long as action_evaluator.window, 10000 frames"
+    assert capsys.readouterr().out == f"{line}: the longest has {frames[-1]}\n"

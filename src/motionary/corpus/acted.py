@@ -58,7 +58,8 @@ class Acted:
         corpus: that holds the windows.
         labels: of its windows.
         rows: of the corpus.
-        window: frames; longer windows of the corpus give a stretch of this many, shorter ones come whole, padded.
+        window: frames; longer windows of the corpus give a stretch of this many, shorter ones come whole, padded, since
+            brief actions have no others (see `lengths_told`).
         random: draw the stretch anew each time; otherwise it is the middle one.
         balance: how much more often rare actions are drawn; see :func:`motionary.corpus.datasets.balanced`.
     """
@@ -80,7 +81,8 @@ class Acted:
         motions = [corpus.motion(int(row)) for row in self.rows]
         self._joints = [motion.positions for motion in motions]
         self._headings = [heading(motion) for motion in motions]
-        self.lengths = np.minimum(np.array([len(joints) for joints in self._joints], np.int64), window)
+        self.whole = np.array([len(joints) for joints in self._joints], np.int64)  # frames, before a stretch is cut out
+        self.lengths = np.minimum(self.whole, window)
         self.weights = balanced(self.action, balance)
 
     def __len__(self) -> int:
@@ -107,6 +109,22 @@ class Acted:
         found = self._joints[entry][start : start + frames]
         shift = found[0, 0] * np.array([1, 0, 1], np.float32)
         return rotate_y(found - shift, -float(self._headings[entry][start]))
+
+
+def lengths_told(data: Acted, stage: str) -> dict[str, int]:
+    """How many entries are shorter than the window, for the report of `stage`; one line on standard output where any
+    is, and another where all are, since the model then never sees as long a motion as it was told to learn.
+
+    Returns:
+        entries, those shorter than the window, and the most frames of an entry.
+    """
+    found = {"windows": len(data), "shorter": int((data.whole < data.window).sum()), "longest": int(data.whole.max())}
+    asked = f"{stage}.window, {data.window} frames"
+    if found["shorter"] == len(data):
+        print(f"{stage}: no training window is as long as {asked}: the longest has {found['longest']}")
+    elif found["shorter"]:
+        print(f"{stage}: {found['shorter']} of {len(data)} training windows are shorter than {asked}; they are padded")
+    return found
 
 
 def _seen(names: np.ndarray) -> tuple[str, ...]:

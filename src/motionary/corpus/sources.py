@@ -29,6 +29,7 @@ from motionary.corpus.clips import (
 )
 from motionary.corpus.config import DataConfig
 from motionary.corpus.files_of_root import Stock, belongs
+from motionary.corpus.humanact12 import labels_of
 from motionary.corpus.released import HumanML3DSource
 from motionary.errors import InputError
 from motionary.formats.read import ReadingOptions, read_motion_with
@@ -85,7 +86,8 @@ class DemoMotion:
 
 
 class FolderSource:
-    """A folder with `clips.jsonl`, or any folder of .bvh, .amc, .npz and .npy files (then without captions).
+    """A folder with `clips.jsonl`, or any folder of .bvh, .amc, .npz and .npy files (then without captions, and without
+    labels but for those that HumanAct12's names tell).
 
     Where the folder's rig is not known, its `mapping.json` says which joint plays which role, and how its files are to
     be read; a line of `clips.jsonl` may say it of one motion.
@@ -154,7 +156,8 @@ class FolderSource:
     def _found(self, path: Path) -> Clip:
         fps = self.fps if path.suffix.lower() in BARE_ARRAYS else None
         relative = PurePosixPath(path.relative_to(self.root).as_posix())
-        return Clip(self._id(relative), FileMotion(str(path), options=self.options), str(path), self.name, fps)
+        load = FileMotion(str(path), options=self.options)
+        return Clip(self._id(relative), load, str(path), self.name, fps, **labels_of(path))
 
     def _id(self, relative: PurePosixPath) -> str:
         parts = relative.with_suffix("").parts
