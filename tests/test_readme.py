@@ -3,6 +3,7 @@ takes long or belongs to the pipeline is held against what it names."""
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import re
@@ -37,7 +38,7 @@ COMMANDS_SHOWN = [part.strip() for line in LINES for part in line.split("&&")]
 
 @pytest.fixture(scope="module")
 def folder(pipeline, tmp_path_factory) -> Path:
-    """Where a reader would stand: models, the corpus and two motions."""
+    """Where a reader would stand: models, the corpus, and for docs/ recordings and two motions of their own."""
     root = tmp_path_factory.mktemp("readme")
     shutil.copytree(pipeline / "models", root / "models")
     shutil.copytree(pipeline / "data", root / "data")
@@ -63,26 +64,44 @@ def words(command: str) -> list[str]:
     return shlex.split(command, comments=True)
 
 
-def test_python_examples_run_one_after_the_other(folder, monkeypatch, capsys):
-    monkeypatch.chdir(folder)
+@pytest.fixture(scope="module")
+def names(folder) -> dict:
+    """What the Python examples define, run one after the other; their files lie in the folder's out/."""
     styles = sorted(set(re.findall(r'style="(\w+)"', TEXT)) | {"old", "happy"})
     names: dict = {}
-    for block in blocks("python"):
-        if "d.styles" in block:  # the demo corpus's labels stand for the readers' own
-            known = names["d"].styles
-            for i, style in enumerate(styles):
-                block = block.replace(f'"{style}"', f'"{known[i % len(known)]}"')
-        exec(compile(block, "README.md", "exec"), names)
+    with contextlib.chdir(folder):
+        for block in blocks("python"):
+            if "d.styles" in block:  # the demo corpus's labels stand for the readers' own
+                known = names["d"].styles
+                for i, style in enumerate(styles):
+                    block = block.replace(f'"{style}"', f'"{known[i % len(known)]}"')
+            exec(compile(block, "README.md", "exec"), names)
+    return names
+
+
+def test_python_examples_run_one_after_the_other(folder, names):
     assert len(names["motions"]) == 3
     assert len(names["found"]) == 3
     for picture in ("generated.png", "caption.png", "search.png"):
-        assert Image.open(folder / picture).width > 500
+        assert Image.open(folder / "out" / picture).width > 500
+
+
+def test_the_readme_reads_and_writes_in_out_alone():
+    """So that what an example reads was made by one before it: the folder of these tests has no out/ of its own."""
+    shown = "".join(re.findall(r"^```(?:python|bash)\n(.*?)^```", README, re.DOTALL | re.MULTILINE))
+    files = re.findall(r"[\w./*-]+\.(?:bvh|npz|npy|glb|mp4|gif|html|png)\b", re.sub(r"#.*", "", shown))
+    assert len(files) > 8
+    assert [file for file in files if not file.startswith(("out/", "docs/"))] == []
+    lines = [words(line) for line in shown.splitlines() if line.startswith("motionary ")]
+    folders = [after for line in lines for before, after in pairwise(line) if before in ("--out", "--in", "index")]
+    assert len(folders) > 4
+    assert all(folder.startswith("out/") for folder in folders)
 
 
 SHELL = [command for command in COMMANDS_SHOWN if command.startswith("motionary ")]
 
 
-def test_shell_examples_run_one_after_the_other(folder, monkeypatch, capsys):
+def test_shell_examples_run_one_after_the_other(folder, names, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     parser, runs = build_parser(COMMANDS), {command.name: command.run for command in COMMANDS}
     import motionary

@@ -99,6 +99,10 @@ def test_names_of_files_say_any_prompt():
     assert slug("人が歩く", "motion") == "人が歩く"
     assert slug("___ !?", "motion") == "motion"
     assert len(slug("a person " * 20, "motion")) <= 48
+    assert slug("человек идёт", "motion") == "человек-идёт"
+    assert slug("شخص يمشي", "motion") == "شخص-يمشي"
+    assert len(slug("人" * 100, "motion").encode()) < 200  # of 255 bytes that a name may have, its number and extension
+    assert slug("../../etc/passwd", "motion") == "etc-passwd"
 
 
 def test_convert_needs_no_torch(clip, tmp_path):

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from motionary.cli import main
+from motionary.cli.command import build_parser
+from motionary.cli.commands import COMMANDS
 from motionary.corpus.demo import demo_clips
 from motionary.formats import read_motion
 from motionary.motion import Skeleton, fit_rotations, retarget
@@ -43,3 +45,29 @@ def test_what_is_no_rig_is_said_in_one_line(files, capsys):
     assert main(["convert", str(folder / "walk.npz"), str(folder / "out.bvh"), "--onto", str(folder / "walk.npz")]) == 2
     assert "must be a .bvh or .glb file" in capsys.readouterr().err
     assert not (folder / "out.bvh").exists()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["generate", "a person walks"],
+        ["stylize", "in.bvh"],
+        ["act", "walk"],
+        ["edit", "in.bvh", "--extend", "1"],
+        ["convert", "in.bvh", "out.bvh"],
+    ],
+)
+def test_whatever_writes_motion_takes_a_rate_and_a_rig(line):
+    options = build_parser(COMMANDS).parse_args([*line, "--fps", "24", "--onto", "character.bvh"])
+    assert (options.fps, options.onto) == (24.0, "character.bvh")
+
+
+def test_a_rate_and_a_rig_go_together(files):
+    folder, motion = files
+    character = str(folder / "character.bvh")
+    line = ["convert", str(folder / "walk.npz"), str(folder / "out.npz"), "--onto", character, "--fps", "60"]
+    assert main(line) == 0
+    found = read_motion(folder / "out.npz")
+    assert found.fps == 60.0
+    assert found.duration == pytest.approx(motion.duration, abs=1 / motion.fps)
+    np.testing.assert_allclose(found.skeleton.offsets, read_motion(character).skeleton.offsets, atol=1e-4)

@@ -15,6 +15,7 @@ from motionary import read_motion
 from motionary.cli import options as shared
 from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
+from motionary.cli.stylize import _names
 from motionary.corpus.demo import demo_clip
 from motionary.motion import Motion, Skeleton
 
@@ -165,3 +166,9 @@ def test_a_byte_order_mark_is_no_part_of_the_first_prompt(tmp_path, models, caps
     arguments = ["--file", str(tmp_path / "prompts.txt"), "--out", str(tmp_path), "--format", "npy", "--json"]
     (row,) = json.loads(call(capsys, "generate", *arguments, *models)[1])
     assert row["text"] == "a person waves"
+
+
+def test_a_style_of_any_name_stays_in_the_folder():
+    """A label may hold what no file's name may."""
+    options = build_parser(COMMANDS).parse_args(["stylize", "in/walk.bvh", "--style", "酔った / ../Old", "-n", "2"])
+    assert _names(options) == [["walk-酔った-old-0", "walk-酔った-old-1"]]

@@ -13,7 +13,7 @@ from motionary.errors import InputError
 def _arguments(add: argparse.ArgumentParser) -> None:
     shared.add_files(add)
     shared.add_reading(add)
-    add.add_argument("--out", metavar="PICTURE.png", help="draw eight moments of each file")
+    add.add_argument("--out", metavar="PICTURE.png", help="draw eight moments and the way of each file")
     add_force(add, "an existing picture")
     shared.add_json(add)
 

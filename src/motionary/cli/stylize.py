@@ -8,7 +8,7 @@ from typing import Any
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
-from motionary.cli.outputs import Outputs, add_outputs, variants
+from motionary.cli.outputs import Outputs, add_outputs, slug, variants
 
 
 def _arguments(add: argparse.ArgumentParser) -> None:
@@ -53,7 +53,8 @@ def _run(options: argparse.Namespace) -> None:
 def _names(options: argparse.Namespace) -> list[list[str]]:
     """Names of the results of each file, without extension: the file's own, numbered where two are alike, and the
     style's."""
-    told = options.style or (Path(options.reference).stem if options.reference else "restyled")
+    label = options.style or (Path(options.reference).stem if options.reference else "restyled")
+    told = slug(label, "restyled")
     stems = [Path(path).stem for path in options.files]
     if len(set(stems)) < len(stems):
         stems = [f"{i}-{stem}" for i, stem in enumerate(stems)]

@@ -15,9 +15,11 @@ from imageio_ffmpeg import get_ffmpeg_exe, read_frames
 
 from motionary.errors import InputError
 from motionary.formats.render.figure import COLORS, limbs, segments
+from motionary.formats.render.overhead import draw_overhead
 from motionary.formats.render.scene import Scene
 from motionary.formats.render.video import Board, _encode, render_frame, render_strip, write_video
 from motionary.motion import Motion, Skeleton
+from motionary.motion.facing import rotate_y
 
 
 def decode(path) -> tuple[dict, np.ndarray]:
@@ -157,14 +159,50 @@ def test_a_video_whose_encoder_is_killed_is_not_there(person, tmp_path, monkeypa
     assert os.listdir(tmp_path) == []
 
 
-def test_strip_has_a_cell_per_pose(person, tmp_path):
+def test_strip_has_a_cell_per_pose_and_one_for_the_way(person, tmp_path):
     picture = render_strip([person, person], tmp_path / "a.png", poses=5, width=60, height=100)
-    assert picture.shape == (200, 300, 3)
+    assert picture.shape == (200, 360, 3)
     for column in range(5):
         assert (hues(picture[:100, column * 60 : column * 60 + 60]) >= 0).sum() > 30
     from PIL import Image
 
     np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), picture)
+
+
+def circling(person: Motion, turns: float, radius: float) -> Motion:
+    """The first pose led along a part of a circle to its left, facing ahead."""
+    angles = np.linspace(0, 2 * np.pi * turns, 81)
+    pose = np.broadcast_to(person.positions[0] - person.positions[0, 0] * [1, 0, 1], (81, *person.positions.shape[1:]))
+    moved = rotate_y(pose, angles[:, None])
+    centre = np.array([radius, 0, 0])  # x is to the left of who faces +z
+    return Motion(moved + centre + rotate_y(np.broadcast_to(-centre, (81, 3)), angles)[:, None], 20, person.skeleton)
+
+
+def test_the_way_shows_circles_and_turns(person):
+    """Seen as the stills are, from half the front: who goes ahead comes nearer, which is down."""
+    background = draw_overhead(circling(person, 0, 0), np.zeros(0), 90, 120)[2, 2]
+
+    def inked(motion: Motion, moments: np.ndarray) -> np.ndarray:
+        """Pixels of path, dots and headings, (N, 2): from the left, from the top."""
+        picture = draw_overhead(motion, moments, 90, 120).astype(int)
+        return np.argwhere(np.ptp(picture, axis=-1) > 40)[:, ::-1]
+
+    whole, moments = circling(person, 1, 1.0), np.linspace(0, 80, 8)
+    spread = np.ptp(inked(whole, moments[:0]), axis=0)
+    assert abs(spread[0] - spread[1]) <= 3  # round
+    assert spread[0] > 50
+    turning = inked(circling(person, 1, 0.0), moments)  # on the spot: lines all around
+    standing = inked(circling(person, 0, 0.0), moments)
+    assert np.ptp(turning, axis=0).min() > 18
+    assert np.ptp(standing, axis=0).min() < 14
+    ahead = Motion(
+        person.positions[:1].repeat(41, 0) + np.linspace(0, 2, 41)[:, None, None] * [0, 0, 1], 20, person.skeleton
+    )
+    picture = draw_overhead(ahead, np.zeros(0), 90, 120).astype(int)
+    way = np.argwhere(np.ptp(picture, axis=-1) > 40)
+    first, last = way[way[:, 0] == way[:, 0].min()], way[way[:, 0] == way[:, 0].max()]
+    assert picture[tuple(first[0])].sum() > picture[tuple(last[0])].sum()  # darker where it ends, nearer to the viewer
+    assert background.tolist() == [238, 239, 243]
 
 
 def test_caption_is_written_below(person):

@@ -48,7 +48,7 @@ class Scene:
         top = float(np.percentile(points[..., 1].max(1), 99)) + float(self.radii.max())
         wide = float(np.percentile(np.hypot(*(points - self.target[:, None])[..., [0, 2]].T).max(0), 99))
         self.target[:, 1] = top * 0.47
-        camera = Camera(width, height, azimuth=_front(motion) if azimuth is None else azimuth)
+        camera = Camera(width, height, azimuth=azimuth_of(motion) if azimuth is None else azimuth)
         distance = camera.focal * max(top * 1.32, 2.3 * wide * height / width, 0.3)
         self.camera = replace(camera, distance=distance)
         self.ground = Ground(self.camera, top * 0.47, lines=ground)
@@ -97,7 +97,7 @@ class Scene:
             shadow(image, a[seen], b[seen], (self.radii.mean(-1) * scale)[seen])
 
 
-def _front(motion: Motion) -> float:
+def azimuth_of(motion: Motion) -> float:
     """An azimuth half from the front, half from the side of where the figure first faces."""
     known = len({*motion.skeleton.hips, *motion.skeleton.shoulders}) == 4
     return (float(heading(motion)[0]) if known else 0.0) + 0.6

@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 from motionary.errors import InputError
 from motionary.files import DISK_REFUSALS, atomic_file
+from motionary.formats.render.overhead import draw_overhead
 from motionary.formats.render.scene import Scene
 from motionary.motion import Motion
 
@@ -86,14 +87,15 @@ def render_strip(
     height: int = 240,
     force: bool = True,
 ) -> np.ndarray:
-    """Stills: a row per motion, in it `poses` moments from its first to its last frame; a caption above each row.
+    """Stills: a row per motion, in it `poses` moments from its first to its last frame, then its way over the ground
+    from above (`draw_overhead`); a caption above each row.
 
     Args:
         motions: one or several.
         path: a .png to write, if given.
         captions: one for each motion.
         poses: moments per motion.
-        width, height: pixels of each still.
+        width, height: pixels of each still, and of the way.
 
     Returns:
         (H, W, 3) uint8.
@@ -107,8 +109,9 @@ def render_strip(
     rows = []
     for motion, caption in zip(motions, captions, strict=True):
         scene = Scene(motion, width, height, ground=False)
-        moments = np.linspace(0, (motion.frames - 1) / motion.fps, poses)
-        row = np.concatenate([scene.draw(moment) for moment in moments], axis=1)
+        moments = np.linspace(0, motion.frames - 1, poses)
+        stills = [scene.draw(moment / motion.fps) for moment in moments]
+        row = np.concatenate([*stills, draw_overhead(motion, moments, width, height)], axis=1)
         if caption:
             row = np.concatenate([_label(caption, row.shape[1], 17), row], axis=0)
         rows.append(row)
