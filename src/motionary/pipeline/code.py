@@ -38,7 +38,9 @@ INFRASTRUCTURE = frozenset(
         "pipeline/journal",
         "pipeline/learning_curves",
         "pipeline/leftovers",
+        "pipeline/short",  # a selection of what the report says: no training is worth another column
         "pipeline/stage",
+        "pipeline/sweep",
         "pipeline/tracking",
         "pipeline/workspace",
         "systems/__init__",
