@@ -7,6 +7,7 @@ from pathlib import Path
 
 from motionary.errors import exit_code
 from motionary.report import caption_tables, tables
+from motionary.report.action_tables import action_tables
 from motionary.report.copy_tables import copies
 from motionary.report.physics_tables import physics_tables
 from motionary.report.position_tables import position_tables
@@ -20,7 +21,8 @@ def main_tables(results: Results) -> list[Table]:
     """The tables that a first look needs."""
     found = [tables.text_to_motion(results), *tables.by_other_judges(results), verdicts_table(results)]
     found += [caption_tables.motion_to_text(results), tables.reconstruction(results), tables.lengths(results)]
-    return [table for table in found if table is not None] + stylization_tables(results)[:1]
+    found += [*stylization_tables(results)[:1], *action_tables(results)[:1]]
+    return [table for table in found if table is not None]
 
 
 def terminal(reports: Path) -> str:
@@ -44,6 +46,7 @@ def markdown(reports: Path) -> str:
         *physics_tables(results),
         *position_tables(results),
         *styled,
+        *action_tables(results)[1:],
         tables.nearest_training(results),
         copies(results),
         *tables.parts_tables(results),
