@@ -71,7 +71,7 @@ mlflow: setup  ## the dashboard, at http://127.0.0.1:5000
 app: setup  ## the dictionary in a browser
 	@motionary app
 
-bench: setup  ## one-thread times at the papers' shapes
+bench: setup  ## what work costs on one thread at the papers' shapes, beside yardsticks of the machine
 	@python -m motionary.bench
 	@python -m motionary.bench.threads
 	@python -m motionary.bench.visitors

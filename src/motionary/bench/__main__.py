@@ -1,4 +1,7 @@
-"""The table of ``make bench``; every case runs in a process of its own, so that its peak memory is its own."""
+"""The table of ``make bench``; every case runs in a process of its own, so that its peak memory is its own.
+
+There, two yardsticks of the machine take turns with it: its cost is what a yardstick does in the same time.
+"""
 
 from __future__ import annotations
 
@@ -14,32 +17,34 @@ from tqdm import tqdm
 
 from motionary.bench.cases import CASES
 from motionary.bench.shapes import SMALL, Shapes
-from motionary.bench.workload import Case, clock
+from motionary.bench.workload import COPIES, PRODUCTS, Case, clock
 from motionary.errors import InputError
 from motionary.report.table import NONE, Table
 
-_MATMUL = "matmul"  # measured first, as a child of its own, but no row
 _ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "MKL", "OPENBLAS")}
 
 
 def measure(name: str, shapes: Shapes, repeats: int) -> dict[str, Any]:
-    """Runs one case in this process: seconds, runs, peak memory in bytes and a note; or what module is absent."""
+    """Runs one case in this process; what module is absent, or seconds, runs, rates of the yardsticks, peak memory in
+    bytes without theirs, and a note."""
     import torch
 
-    from motionary.bench.measure import least_time, matmul_rate, peak_memory
+    from motionary.bench.measure import Yardsticks, peak_memory
 
     torch.set_num_threads(1)
     torch.manual_seed(0)
-    if name == _MATMUL:
-        return {"rate": matmul_rate(shapes.matmul)}
     case = next(case for case in CASES if case.name == name)
+    yardsticks = Yardsticks(shapes.matmul, shapes.copied)  # first, so that a case's own memory is told from theirs
     try:
         work = case.prepare(shapes)
     except ModuleNotFoundError as error:
         return {"absent": error.name}
-    seconds, runs = least_time(work.run, repeats)
-    memory = peak_memory()
-    return {"seconds": seconds, "runs": runs, "memory": memory, "note": work.note(seconds)}
+    timed = yardsticks.beside(work.run, repeats)
+    memory, note = peak_memory() - yardsticks.bytes, work.note(timed.seconds)
+    if work.gflop:
+        rate = work.gflop / timed.seconds
+        note += f"{work.gflop:.0f} GFLOP at {rate:.1f} GFLOP/s, {rate / timed.rates[PRODUCTS]:.0%} of the product's"
+    return {"seconds": timed.seconds, "runs": timed.runs, "rates": timed.rates, "memory": memory, "note": note}
 
 
 def in_child(name: str, small: bool, repeats: int) -> dict[str, Any]:
@@ -55,27 +60,43 @@ def in_child(name: str, small: bool, repeats: int) -> dict[str, Any]:
 
 
 def row(case: Case, result: dict[str, Any]) -> dict[str, Any]:
-    """The result beside its reference and bound: "ratio" to the reference, "verdict" ok, over, absent or failed."""
-    out = {"name": case.name, "title": case.title, "reference": case.reference, "bound": case.bound, **result}
+    """The result beside its bound: "cost" in units of the bound's yardstick, "verdict" ok, over, absent or failed."""
+    bound = None if case.bound is None else {"amount": case.bound.amount, "unit": case.bound.unit}
+    out = {"name": case.name, "title": case.title, "bound": bound, **result}
     if "seconds" not in result:
         return {**out, "verdict": "absent" if "absent" in result else "failed"}
-    out["ratio"] = None if case.reference is None else result["seconds"] / case.reference
-    out["verdict"] = None if case.bound is None else "ok" if result["seconds"] <= case.bound else "over"
-    return out
+    if case.bound is None:
+        return {**out, "cost": None, "verdict": None}
+    out["cost"] = result["seconds"] * result["rates"][case.bound.unit]
+    return {**out, "verdict": "ok" if out["cost"] <= case.bound.amount else "over"}
 
 
-def table(rows: Sequence[dict[str, Any]], rate: float | None) -> str:
+def table(rows: Sequence[dict[str, Any]]) -> str:
     """Aligned rows, and their notes below."""
-    columns = ["case", "CPU time", "reference", "ratio", "bound", "", "peak memory"]
+    columns = ["case", "CPU time", "cost", "bound", "", "peak memory"]
     cells = []
     for found in rows:
-        times = [NONE if found.get(k) is None else clock(found[k]) for k in ("seconds", "reference", "bound")]
-        ratio = NONE if found.get("ratio") is None else f"{found['ratio']:.2f}"
+        time = clock(found["seconds"]) if "seconds" in found else NONE
+        cost, bound = (_amount(found, value) for value in (found.get("cost"), (found["bound"] or {}).get("amount")))
         memory = f"{found['memory'] / 2**20:.0f} MB" if "memory" in found else NONE
-        cells.append([found["title"], times[0], times[1], ratio, times[2], found["verdict"] or NONE, memory])
+        cells.append([found["title"], time, cost, bound, found["verdict"] or NONE, memory])
     notes = [f"{found['name']}: {text}" for found in rows if (text := _note(found))]
-    title = "CPU time of one thread" + (f"; matrix products at {rate / 1e9:.1f} GFLOP/s" if rate else "")
-    return Table(title, columns, cells).text() + "".join(f"  {note}\n" for note in notes)
+    title = "CPU time of one thread, and its cost: what a yardstick did in the same time"
+    return Table(title, columns, cells).text() + "".join(f"  {note}\n" for note in [*notes, *_speeds(rows)])
+
+
+def _amount(found: dict[str, Any], value: float | None) -> str:
+    if value is None:
+        return NONE
+    return f"{value:,.0f} {found['bound']['unit']}" if value >= 100 else f"{value:.3g} {found['bound']['unit']}"
+
+
+def _speeds(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """The yardsticks of all cases, slowest and fastest."""
+    units = {unit for found in rows for unit in found.get("rates", {})}
+    speeds = {unit: [found["rates"][unit] for found in rows if "rates" in found] for unit in sorted(units)}
+    what = {PRODUCTS: "matrix products", COPIES: "memory copies"}
+    return [f"{what[unit]}: {min(speed):.1f} to {max(speed):.1f} {unit}/s" for unit, speed in speeds.items()]
 
 
 def _note(found: dict[str, Any]) -> str:
@@ -87,7 +108,8 @@ def _note(found: dict[str, Any]) -> str:
 def _brief(found: dict[str, Any]) -> str:
     if "seconds" not in found:
         return found["verdict"]
-    return f"{clock(found['seconds'])} {found['verdict'] or ''} {found['memory'] / 2**20:.0f} MB {found['note']}"
+    cost = f"{_amount(found, found['cost'])} {found['verdict'] or ''}"
+    return f"{clock(found['seconds'])} {cost} {found['memory'] / 2**20:.0f} MB {found['note']}"
 
 
 def _chosen(only: str | None) -> list[Case]:
@@ -120,14 +142,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.child:
         print(json.dumps(measure(options.child, SMALL if options.small else Shapes(), options.repeats)))
         return 0
-    rate = in_child(_MATMUL, options.small, options.repeats).get("rate")
     rows = []
     bar = tqdm(cases, unit="case")
     for case in bar:
         bar.set_description(case.name)
         rows.append(row(case, in_child(case.name, options.small, options.repeats)))
         bar.write(f"{case.name}: {_brief(rows[-1])}", file=sys.stderr)  # a run that is stopped has shown what it has
-    print(json.dumps({"matmul_flops_per_second": rate, "cases": rows}, indent=1) if options.json else table(rows, rate))
+    print(json.dumps({"cases": rows}, indent=1) if options.json else table(rows))
     return int(any(found["verdict"] == "failed" for found in rows))
 
 

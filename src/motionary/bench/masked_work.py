@@ -8,7 +8,7 @@ import torch
 
 from motionary.bench.made import make_batch, make_context
 from motionary.bench.shapes import Shapes
-from motionary.bench.workload import Case, Work, noise, training_step
+from motionary.bench.workload import Bound, Case, Work, noise, training_step
 from motionary.corpus.context import Context
 from motionary.features import UNIT
 from motionary.language import STATE_DIM, Sentence, TextStates
@@ -73,7 +73,7 @@ def masked_texts(count: int = 0) -> Callable[[Shapes], Work]:
 
 
 MASKED_CASES = (
-    Case("masked_plan", "masked plan step, batch 64, 25 tokens, scale=small", masked_plan, None, 0.5),
-    Case("masked_text", "a text to 5 s by masked generation, scale=small", masked_texts(1), None, 0.15),
-    Case("masked_texts", "32 texts to 5 s by masked generation, scale=small", masked_texts(), None, 2.5),
+    Case("masked_plan", "masked plan step, batch 64, 25 tokens, scale=small", masked_plan, Bound(55)),
+    Case("masked_text", "a text to 5 s by masked generation, scale=small", masked_texts(1), Bound(14)),
+    Case("masked_texts", "32 texts to 5 s by masked generation, scale=small", masked_texts(), Bound(250)),
 )

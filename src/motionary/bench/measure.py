@@ -1,20 +1,75 @@
-"""CPU time, peak memory, the machine's matrix-multiply rate, and the operations that convolutions take."""
+"""CPU time beside yardsticks of the machine, peak memory, and the operations that convolutions take."""
 
 from __future__ import annotations
 
 import resource
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 from torch import Tensor, nn
+
+from motionary.bench.workload import COPIES, PRODUCTS
 
 
 def cpu_time() -> float:
     """Seconds of CPU that this process, all its threads and its ended children have used."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Shortest CPU times of work and of the yardsticks that took turns with it.
+
+    Attributes:
+        seconds: of the work.
+        runs: how often it ran.
+        rates: what each yardstick did in a second, by its unit: "GFLOP" of matrix products, "GB" of copied memory.
+    """
+
+    seconds: float
+    runs: int
+    rates: dict[str, float]
+
+
+class Yardsticks:
+    """Two pieces of work that stand for the machine: a product of float32 matrices, and a copy of memory.
+
+    Args:
+        rows: of the two square matrices.
+        megabytes: that are copied (of 2**20 bytes), more than caches hold.
+    """
+
+    def __init__(self, rows: int, megabytes: int = 64):
+        # All of them written to, so that the process holds their memory from here on.
+        a, b, out = (torch.ones(rows, rows) for _ in range(3))
+        full, other = (torch.ones(megabytes, 1 << 18) for _ in range(2))
+        self.bytes = sum(x.numel() * x.element_size() for x in (a, b, out, full, other))
+        self.amounts = {PRODUCTS: 2 * rows**3 / 1e9, COPIES: megabytes * 2**20 / 1e9}
+        self._run: dict[str, Callable[[], object]] = {
+            PRODUCTS: lambda: torch.mm(a, b, out=out),
+            COPIES: lambda: other.copy_(full),
+        }
+
+    def beside(self, run: Callable[[], object], repeats: int = 5, brief: float = 0.1) -> Timed:
+        """Times `run` and the yardsticks in turns, so that what slows the machine down slows all of them.
+
+        Args:
+            run: the work; its first runs, which also warm up (the third is the first that asks for no new memory),
+                count like any other.
+            repeats: turns, at least 1.
+            brief: work that takes less seconds runs ten times a turn.
+        """
+        seconds, runs, best = float("inf"), 0, dict.fromkeys(self.amounts, float("inf"))
+        for _ in range(repeats):
+            least, more = least_time(run, 1, brief)
+            seconds, runs = min(seconds, least), runs + more
+            for unit, yardstick in self._run.items():
+                best[unit] = min(best[unit], least_time(yardstick, 1, 0.0)[0])
+        return Timed(seconds, runs, {unit: self.amounts[unit] / best[unit] for unit in best})
 
 
 def least_time(run: Callable[[], object], repeats: int = 5, brief: float = 0.1) -> tuple[float, int]:
@@ -45,14 +100,6 @@ def peak_memory() -> int:
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-
-
-def matmul_rate(rows: int, repeats: int = 5) -> float:
-    """Operations per second of the best of `repeats` products of two square float32 matrices."""
-    a, b = torch.randn(rows, rows), torch.randn(rows, rows)
-    out = torch.empty(rows, rows)
-    best, _ = least_time(lambda: torch.mm(a, b, out=out), repeats, brief=0.0)
-    return 2 * rows**3 / best
 
 
 def convolution_flops(model: nn.Module, forward: Callable[[], object]) -> int:

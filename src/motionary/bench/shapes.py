@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Shapes:
-    """Sizes of inputs and models; the defaults are those that the reference figures were measured at.
+    """Sizes of inputs and models; the defaults are the papers'.
 
     Attributes:
         clip_frames: of the clip whose features are computed.
@@ -38,7 +38,7 @@ class Shapes:
         temos_width, temos_layers, temos_inner, temos_heads: of its three Transformers.
         masked_codes, masked_dim, masked_quantizers: of the residual tokenizer; `masked_tokens` of a motion of 5 s.
         masked_width, masked_layers, masked_inner, masked_heads: of each transformer of the masked generator.
-        matmul: rows of the matrices whose product measures the machine.
+        matmul: rows of the matrices whose product is a yardstick; `copied` megabytes of memory, the other.
     """
 
     clip_frames: int = 200
@@ -96,6 +96,7 @@ class Shapes:
     masked_inner: int = 768
     masked_heads: int = 6
     matmul: int = 1536
+    copied: int = 64
 
 
 SMALL = Shapes(
@@ -106,5 +107,5 @@ SMALL = Shapes(
     style_window=32, acted_frames=6, style_width=16, small_width=16, small_gru_width=16, small_text_width=8,
     temos_frames=9, temos_tokens=5, temos_width=8, temos_layers=1, temos_inner=8, temos_heads=2,
     masked_codes=16, masked_dim=8, masked_quantizers=2, masked_tokens=4, masked_width=8, masked_layers=1,
-    masked_inner=8, masked_heads=2, take_frames=30,
+    masked_inner=8, masked_heads=2, take_frames=30, copied=1,
 )  # fmt: skip

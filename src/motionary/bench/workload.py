@@ -10,24 +10,40 @@ import torch
 
 from motionary.bench.shapes import Shapes
 
+PRODUCTS, COPIES = "GFLOP", "GB"  # units of the yardsticks, see measure.Yardsticks
+
 
 @dataclass(frozen=True)
 class Work:
-    """Prepared work: `run` is timed; `note` is called with its seconds afterwards and says what else is worth it."""
+    """Prepared work.
+
+    Attributes:
+        run: is timed.
+        note: is called with the seconds afterwards and says what else is worth it.
+        gflop: operations of `run` in products and convolutions, where they are known.
+    """
 
     run: Callable[[], Any]
     note: Callable[[float], str] = field(default=lambda seconds: "")
+    gflop: float = 0.0
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What work may cost: as much time as a yardstick of the same run takes for `amount` of its `unit`."""
+
+    amount: float
+    unit: str = PRODUCTS
 
 
 @dataclass(frozen=True)
 class Case:
-    """One row of the table; times in seconds of CPU, None where there is no such figure."""
+    """One row of the table, with or without a bound."""
 
     name: str
     title: str
     prepare: Callable[[Shapes], Work]
-    reference: float | None = None
-    bound: float | None = None
+    bound: Bound | None = None
 
 
 def training_step(model: torch.nn.Module, loss: Callable[[], torch.Tensor], clip: float = 0.0) -> Callable[[], None]:
