@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 from motionary.errors import InputError
 
@@ -17,8 +18,16 @@ ACTIONS = (
 )
 
 
-def labels_of(path: Path) -> dict[str, str]:
-    """`subject`, `action` and `style` of a file that is named as in HumanAct12; none of them for any other name.
+class Labels(NamedTuple):
+    """What a name tells; "" where it tells nothing."""
+
+    subject: str = ""
+    action: str = ""
+    style: str = ""
+
+
+def labels_of(path: Path) -> Labels:
+    """Person, action and style of a file that is named as in HumanAct12; nothing of any other name.
 
     The style is the whole code, such as "0402", since fine actions have numbers alone in the release: with the action's
     name it is the fine label "jump/0402".
@@ -28,8 +37,8 @@ def labels_of(path: Path) -> dict[str, str]:
     """
     found = _NAME.fullmatch(path.stem) if path.suffix == ".npy" else None
     if found is None:
-        return {}
+        return Labels()
     person, coarse, fine = found.groups()
     if not 1 <= int(coarse) <= len(ACTIONS):
         raise InputError(path, f"A{coarse}{fine}", f"HumanAct12's actions are 01 to {len(ACTIONS)}")
-    return {"subject": f"P{person}", "action": ACTIONS[int(coarse) - 1], "style": f"{coarse}{fine}"}
+    return Labels(f"P{person}", ACTIONS[int(coarse) - 1], f"{coarse}{fine}")

@@ -157,7 +157,7 @@ class FolderSource:
         fps = self.fps if path.suffix.lower() in BARE_ARRAYS else None
         relative = PurePosixPath(path.relative_to(self.root).as_posix())
         load = FileMotion(str(path), options=self.options)
-        return Clip(self._id(relative), load, str(path), self.name, fps, **labels_of(path))
+        return Clip(self._id(relative), load, str(path), self.name, fps, **labels_of(path)._asdict())
 
     def _id(self, relative: PurePosixPath) -> str:
         parts = relative.with_suffix("").parts
