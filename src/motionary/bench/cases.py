@@ -1,7 +1,8 @@
 """What is measured. A case prepares its inputs and returns the work to be timed.
 
 A bound is what the work may cost, in units of a yardstick that is measured in turns with it: GFLOP of matrix products
-for networks, GB of copied memory for the rest. Each is a quarter to a half above what the work was measured at.
+for networks, GB of copied memory for the rest. Each is 1.1 to 2.4 times what the work was measured at, the more the
+shorter and the less even it is.
 Seconds of another machine, or ratios to them, would say nothing here.
 """
 
