@@ -52,7 +52,7 @@ def limited(task: Callable[..., Any], *arguments: Any, seconds: float = 2 * SECO
     with tempfile.TemporaryFile("w+") as said:
         fork = multiprocessing.get_context("fork")
         process = fork.Process(target=_run, args=(said.fileno(), seconds, task, arguments))
-        held = _held(1)
+        held = _anonymous()
         process.start()
         _, status, usage = os.wait4(process.pid, 0)
         said.seek(0)
@@ -60,16 +60,21 @@ def limited(task: Callable[..., Any], *arguments: Any, seconds: float = 2 * SECO
         return Outcome(code, said.read(), usage.ru_utime + usage.ru_stime, (usage.ru_maxrss * 1024 - held) / 2**20)
 
 
-def _held(column: int) -> int:
-    """Bytes of this process: of its address space (0), or of memory (1)."""
-    return int(Path("/proc/self/statm").read_text().split()[column]) * resource.getpagesize()
+def _anonymous() -> int:
+    """Bytes of memory that a fork of this process begins with: what is mapped from files comes as it is touched."""
+    return int(Path("/proc/self/status").read_text().split("RssAnon:")[1].split()[0]) * 1024
+
+
+def _addressed() -> int:
+    """Bytes of this process's address space."""
+    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 
 
 def _run(said: int, seconds: float, task: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     signal.setitimer(signal.ITIMER_PROF, seconds)
     signal.setitimer(signal.ITIMER_REAL, 20 * seconds)  # for what waits and does not work
     # A guard of the machine; the contract is measured.
-    resource.setrlimit(resource.RLIMIT_AS, (_held(0) + 3 * 2**30,) * 2)
+    resource.setrlimit(resource.RLIMIT_AS, (_addressed() + 3 * 2**30,) * 2)
     os.dup2(said, 1)
     os.dup2(said, 2)
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
