@@ -17,6 +17,7 @@ import numpy as np
 import torch
 
 from motionary.bench.actions import action2motion, actions
+from motionary.bench.loading import loading
 from motionary.bench.long_take import long_bvh
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
 from motionary.bench.masked_work import MASKED_CASES
@@ -217,6 +218,7 @@ CASES: tuple[Case, ...] = (
     Case("features", "263 features of a clip of 200 frames", _features, Bound(0.02, COPIES)),
     Case("recover", "positions of 196 frames of features", _recover),
     Case("tokenizer", "tokenizer step, 128 windows x 64 frames, width 1024", _tokenizer, Bound(870)),
+    Case("loading", "batches of 128 windows x 64 frames from disk", loading(_tokenizer)),
     Case("motion2text", "motion2text step, batch 64, 55 tokens, 21 words", _motion2text, Bound(680)),
     Case("captions", "captions of 32 motions by beam 2, 30 words", _captions, Bound(260)),
     Case("text2token", "text2token step, teacher-forced, batch 64, 54 tokens", _text2token, Bound(450)),
