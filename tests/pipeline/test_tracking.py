@@ -1,14 +1,16 @@
 """Tracking that fails in the middle of a training: the training ends as if it had not, and its rows arrive later."""
 
+import json
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
-from motionary.pipeline.delivery import main
+from motionary.pipeline.delivery import Sender, main
 from motionary.pipeline.journal import JOURNALS, WATCHED, records
 from motionary.pipeline.tracking import Tracker
 from motionary.training.devices import make_fabric
@@ -135,6 +137,23 @@ def test_one_process_sends_for_many_stages_and_none_of_them_waits(tmp_path, stag
     for name in ("early", "late"):
         assert rows(tmp_path, name) == (["FINISHED"], STEPS)
     assert not list((tmp_path / ".cache").glob("*/*/tracking-*"))
+
+
+def test_a_file_that_is_moved_while_it_is_sent_is_looked_for_again(tmp_path, capfd):
+    """DVC takes an output into its cache and links it back; one that is gone for good is left out."""
+    journal, path = tmp_path / ".cache/stage/0/tracking-1.jsonl", tmp_path / "report.json"
+    journal.parent.mkdir(parents=True)
+    run = {"kind": "run", "time": 1, "experiment": "stage", "name": "a", "sweep": None, "params": {}, "tags": {}}
+    files = [
+        {"kind": "artifact", "time": 1, "path": str(tmp_path / name), "folder": None} for name in ("gone", path.name)
+    ]
+    journal.write_text("".join(json.dumps(record) + "\n" for record in (run, *files)))
+    sender = Sender(tmp_path)
+    threading.Timer(1.3, path.write_text, ("{}",)).start()  # while the second is looked for
+    sender.send(journal)
+    (kept,) = (tmp_path / "mlartifacts").rglob("*.json")
+    assert kept.read_text() == "{}"
+    assert not list((tmp_path / "mlartifacts").rglob("gone"))
 
 
 def test_a_line_that_a_kill_broke_is_left_out(tmp_path):

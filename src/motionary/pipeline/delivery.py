@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ from motionary.pipeline.journal import (
 )
 
 _LOOK, _RETRY = 2.0, 10.0  # seconds between two looks at a growing journal, and after a failure
+_LOOKS, _MOVING = 4, 0.25  # for a file that is not there, and seconds between them
 # MLflow waits minutes for a server that is not there; what is set already stays.
 _DEFAULTS = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
@@ -94,10 +96,22 @@ class Sender:
         self._check_file()
         if record["kind"] == "run":
             self._describe(run_id, record)
-        elif record["kind"] == "artifact" and Path(record["path"]).is_file():  # it may have been made anew since
-            self.client.log_artifact(run_id, record["path"], record["folder"])
+        elif record["kind"] == "artifact":
+            self._store(run_id, record["path"], record["folder"])
         elif record["kind"] == "end":
             self.client.set_terminated(run_id, record["status"], record["time"])
+
+    def _store(self, run_id: str, path: str, folder: str | None) -> None:
+        """Stores a file; one that is gone was made anew since, or is just now moved to DVC's cache and linked back."""
+        for _ in range(_LOOKS):
+            if Path(path).is_file():
+                try:
+                    return self.client.log_artifact(run_id, path, folder)
+                except FileNotFoundError as error:
+                    if error.filename != path:
+                        raise
+            time.sleep(_MOVING)
+        return None
 
     def _describe(self, run_id: str, record: Mapping[str, Any]) -> None:
         from mlflow.entities import Param, RunTag
