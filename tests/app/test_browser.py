@@ -166,6 +166,7 @@ def test_a_motion_plays_at_once_and_a_prompt_s_files_are_read(visit, tmp_path):
     if "APP_PICTURE" in os.environ:
         for note in page.locator("button.mantine-Notification-closeButton").all():
             note.click()  # that there is no GPU is of no interest to others
+            page.wait_for_timeout(1000)
         page.screenshot(path=os.environ["APP_PICTURE"])
     still(page)
     motion = read_motion(download(page, "bvh", tmp_path))
