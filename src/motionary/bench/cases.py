@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from motionary.bench.actions import action2motion, actions
-from motionary.bench.loading import loading
+from motionary.bench.batch_loading import loading
 from motionary.bench.long_take import long_bvh
 from motionary.bench.made import FPS, make_batch, make_context, make_motion, make_sentences
 from motionary.bench.masked_work import MASKED_CASES
