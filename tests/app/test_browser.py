@@ -79,9 +79,11 @@ def visit(browser: Browser, url: str):
 def still(page: Page) -> np.ndarray:
     """The page with its motion stopped at the beginning."""
     playing = page.get_by_role("checkbox").first
-    while playing.is_checked():  # the page may draw what it had before a click has reached it
-        playing.click(force=True)
-        page.wait_for_timeout(500)
+    for _ in range(20):  # the page may draw what it had before a click has reached it
+        if playing.is_checked():
+            playing.click(force=True)
+            page.wait_for_timeout(500)
+    assert not playing.is_checked()
     put(page, "Time", 0.0)
     return settled(page)
 

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from motionary.pipeline.delivery import Sender, main
+from motionary.pipeline.delivery import main
 from motionary.pipeline.journal import JOURNALS, WATCHED, records
+from motionary.pipeline.sending import Sender
 from motionary.pipeline.tracking import Tracker
 from motionary.training.devices import make_fabric
 from motionary.training.loop import fit

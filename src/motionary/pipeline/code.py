@@ -38,6 +38,7 @@ INFRASTRUCTURE = frozenset(
         "pipeline/journal",
         "pipeline/learning_curves",
         "pipeline/leftovers",
+        "pipeline/sending",
         "pipeline/short",  # a selection of what the report says: no training is worth another column
         "pipeline/stage",
         "pipeline/sweep",
