@@ -195,6 +195,12 @@ def list_files(folder: Path) -> None:
     (folder / LISTED).write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
+def read_list(folder: Path) -> dict[str, tuple[int, str]]:
+    """What `list_files` wrote: {path: (bytes, SHA-256)}. Raises whatever a list that is missing or damaged does."""
+    told = json.loads((folder / LISTED).read_text(encoding="utf-8"))
+    return {name: (int(of["bytes"]), str(of["sha256"])) for name, of in told.items()}
+
+
 def leftovers(path: str | os.PathLike) -> list[Path]:
     """What killed writers of `path`, a file or a folder, left beside it, and what running ones are writing."""
     path = Path(path)

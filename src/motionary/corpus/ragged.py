@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.corpus.datasets import gather
-from motionary.files import LISTED, atomic_folder, file_hash, list_files, written_by
+from motionary.files import LISTED, atomic_folder, file_hash, list_files, read_list, written_by
 
 
 class Ragged:
@@ -70,8 +70,7 @@ def _damaged(folder: Path) -> bool:
 def _first_damaged(folder: Path) -> str:
     """Name of a file that is not as the folder's list says, or of the list; "" where all are."""
     try:
-        listed = {name: told["sha256"] for name, told in json.loads((folder / LISTED).read_text("utf-8")).items()}
-        return next((name for name in listed if file_hash(folder / name) != listed[name]), "")
+        return next((name for name, (_, told) in read_list(folder).items() if file_hash(folder / name) != told), "")
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return LISTED
 

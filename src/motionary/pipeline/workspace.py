@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from motionary.errors import InputError
-from motionary.files import LISTED, atomic_folder, file_hash, list_files, write_bytes, written_by
+from motionary.files import LISTED, atomic_folder, file_hash, list_files, read_list, write_bytes, written_by
 
 # Which stage writes a folder that another stage reads; anything under models/ is written by its namesake.
 _WRITERS = {"corpus": "preprocess", "sources": "source"}
@@ -101,31 +101,30 @@ def check_whole(folder: Path, mark: Path) -> None:
     """
     listed = _check_list(folder)
     now = {}
-    for name in listed:
+    for name, (_, told) in listed.items():
         state = (folder / name).stat()
-        now[name] = [listed[name]["sha256"], state.st_size, state.st_mtime_ns]
+        now[name] = [told, state.st_size, state.st_mtime_ns]
     try:
         known = dict(json.loads(mark.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):
         known = {}  # none yet, or cut short: all is read
     if known == now:
         return
-    for name in listed:
-        if known.get(name) != now[name] and file_hash(folder / name) != listed[name]["sha256"]:
+    for name, (_, told) in listed.items():
+        if known.get(name) != now[name] and file_hash(folder / name) != told:
             raise _damaged(folder / name, "damaged, its SHA-256 differs", f"must be as {LISTED} says", folder)
     with suppress(OSError):  # no room for it: all is read the next time, too
         mark.parent.mkdir(parents=True, exist_ok=True)
         mark.write_text(json.dumps(now), encoding="utf-8")
 
 
-def _check_list(folder: Path) -> dict[str, Any]:
+def _check_list(folder: Path) -> dict[str, tuple[int, str]]:
     """The files of a folder against its list, by name and size; returns the list."""
     with written_by(_writer(folder), folder / LISTED):
-        told = json.loads((folder / LISTED).read_text(encoding="utf-8"))
-        listed = {name: {"bytes": int(of["bytes"]), "sha256": str(of["sha256"])} for name, of in told.items()}
+        listed = read_list(folder)
     here = {p.relative_to(folder).as_posix(): p.stat().st_size for p in folder.rglob("*") if p.is_file()}
     here.pop(LISTED)
-    sizes = {name: of["bytes"] for name, of in listed.items()}
+    sizes = {name: size for name, (size, _) in listed.items()}
     for name in sorted({*sizes, *here}):
         if sizes.get(name) != here.get(name):
             found, told = (f"{known[name]:,} bytes" if name in known else "no such file" for known in (here, sizes))
