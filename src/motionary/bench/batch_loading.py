@@ -33,7 +33,7 @@ def loading(step: Callable[[Shapes], Work]) -> Callable[[Shapes], Work]:
             """What a batch costs, alone and of a step."""
             taken = least_time(step(shapes).run, repeats=1)[0]
             share = 100 * seconds / count / taken
-            return f"{clock(seconds / count)} a batch, {share:.2f}% of the tokenizer step, {clock(taken)}"
+            return f"{clock(seconds / count)} a batch, {share:.1g}% of the tokenizer step, {clock(taken)}"
 
         return Work(lambda: (folder.name, [sum(1 for _ in batches.epoch(e)) for e in range(_EPOCHS)]), note)
 
