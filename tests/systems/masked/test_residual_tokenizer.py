@@ -101,8 +101,11 @@ def test_padding_and_neighbors_change_nothing(context, batch):
     torch.testing.assert_close(model.loss(batch, 1.0, draws())[0], loss)
 
 
-def test_a_batch_is_learned_and_more_layers_tell_more(context, batch):
-    model, rng = build(context, quantizer_dropout=0.3).train(), draws()
+# Learned codebooks: the share of the base's error that is left is .54 to .67 by the seed. A grid's base gets a batch
+# right by itself, since the encoder learns to meet its points.
+@pytest.mark.parametrize(("levels", "most"), [((), 0.8), ((4, 4), 1.0)], ids=["codebooks", "fsq"])
+def test_a_batch_is_learned_and_more_layers_tell_more(context, batch, levels, most):
+    model, rng = build(context, quantizer_dropout=0.3, levels=levels).train(), draws()
     optimizer = torch.optim.AdamW(model.parameters(), lr=5e-3)
     for step in range(300):
         model.loss(batch, step / 300, rng)[0].backward()
@@ -112,7 +115,7 @@ def test_a_batch_is_learned_and_more_layers_tell_more(context, batch):
     values = model.eval().validate(batch)
     assert values["position_mm"] < 20
     assert values["reconstruction"] < 0.05
-    assert values["position_mm"] < 0.8 * values["base_position_mm"]  # .54 to .67 by the seed
+    assert values["position_mm"] < most * values["base_position_mm"]
 
 
 def test_feet_that_slide_cost_their_speed(context):
@@ -158,6 +161,7 @@ def test_tokens_in_layers_pass_through_the_store(tmp_path):
     [
         ({"num_quantizers": 0}, "residual_tokenizer.num_quantizers: 0"),
         ({"quantizer_dropout": 1.5}, "residual_tokenizer.quantizer_dropout"),
+        ({"levels": (8, 8)}, "residual_tokenizer.levels"),
         ({"contact_weight": -1.0}, "residual_tokenizer.contact_weight"),
     ],
 )

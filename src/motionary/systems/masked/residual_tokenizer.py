@@ -16,6 +16,7 @@ from motionary.corpus.batch import MotionBatch
 from motionary.corpus.context import Context
 from motionary.errors import DEEPEST, HEAVIEST, InputError, check_range
 from motionary.features import UNIT, HumanML3D
+from motionary.nn.finite_scalar import FiniteScalarQuantizer, check_levels
 from motionary.nn.layers import length_mask, masked_mean
 from motionary.nn.quantizer import usage
 from motionary.nn.reconstruction import position_error
@@ -34,6 +35,7 @@ class ResidualTokenizerConfig(TokenSettings):
     num_quantizers: int = 4
     shared_codebook: bool = False
     quantizer_dropout: float = 0.2
+    levels: tuple[int, ...] = ()
     smooth_below: float = 0.2
     velocity_weight: float = 0.5
     contact_weight: float = 0.1
@@ -43,6 +45,8 @@ class ResidualTokenizerConfig(TokenSettings):
         self.check(name)
         check_range(name, self, ("num_quantizers",), 1, DEEPEST)
         check_range(name, self, ("codebook_start", "quantizer_dropout"), 0, 1)
+        if self.levels:
+            check_levels(f"{name}.levels", self.levels, self.codebook_size)
         check_range(name, self, ("smooth_below", "velocity_weight", "contact_weight"), 0, HEAVIEST)
 
 
@@ -59,8 +63,10 @@ class ResidualTokenizer(TokenCoder):
             rule = f"must be 0: features of the codec {context.codec} tell no foot contacts"
             raise InputError("residual_tokenizer.contact_weight", config.contact_weight, rule)
 
-    def make_quantizer(self, config: ResidualTokenizerConfig) -> ResidualQuantizer:
-        """A base codebook, and those of what is left."""
+    def make_quantizer(self, config: ResidualTokenizerConfig) -> ResidualQuantizer | FiniteScalarQuantizer:
+        """A base codebook and those of what is left, or grids in their place."""
+        if config.levels:
+            return FiniteScalarQuantizer(config.levels, config.code_dim, config.num_quantizers)
         sizes = config.codebook_size, config.code_dim, config.num_quantizers
         return ResidualQuantizer(*sizes, config.codebook_decay, config.restart_below, config.shared_codebook)
 
@@ -85,7 +91,7 @@ class ResidualTokenizer(TokenCoder):
     def loss(self, batch: MotionBatch, progress: float, generator: torch.Generator) -> Loss:
         """Smooth L1 on features and on joint velocities, sliding feet, and commitment."""
         config, layers = self.config, self.config.num_quantizers
-        warm = self.training and progress < config.codebook_start
+        warm = self.training and progress < config.codebook_start and not self.quantizer.started
         if self.training and not warm:
             self.start_codebook(batch, generator)
         kept = torch.full_like(batch.frames, layers)
