@@ -51,12 +51,8 @@ class Quantizer(nn.Module):
         return self.codebook[None]
 
     def nearest(self, latents: Tensor) -> Tensor:
-        """(..., d) -> (...) index of the nearest code (Eq. 1), by distances of 32 bits: with fewer, one code in 25 is
-        another."""
-        flat = widened(latents.reshape(-1, latents.shape[-1]))
-        with full_precision(flat):
-            distance = self.codebook.square().sum(1) - 2 * flat @ self.codebook.t()
-        return distance.argmin(1).reshape(latents.shape[:-1])
+        """(..., d) -> (...) index of the nearest code (Eq. 1)."""
+        return nearest_code(latents, self.codebook)
 
     def look_up(self, codes: Tensor) -> Tensor:
         """(...) codes -> (..., d)."""
@@ -145,6 +141,15 @@ class Quantizer(nn.Module):
         """Every process of a distributed run takes the first one's codes."""
         if distributed.is_available() and distributed.is_initialized():
             distributed.broadcast(table, 0)
+
+
+def nearest_code(latents: Tensor, codebook: Tensor) -> Tensor:
+    """(..., d), (K, d) -> (...) index of the nearest entry, by distances of 32 bits: with fewer, one code in 25 is
+    another."""
+    flat = widened(latents.reshape(-1, latents.shape[-1]))
+    with full_precision(flat):
+        distance = codebook.square().sum(1) - 2 * flat @ codebook.t()
+    return distance.argmin(1).reshape(latents.shape[:-1])
 
 
 def usage(codes: Tensor, count: int) -> tuple[Tensor, Tensor]:

@@ -11,8 +11,9 @@ from torch import Tensor
 
 from motionary.nn.decoding import Sampling
 from motionary.nn.layers import length_mask
+from motionary.systems.masked.flow_detail import FlowDetail, codes_of, normal_from
 from motionary.systems.masked.masked_generator import MaskedGenerator
-from motionary.systems.masked.masked_networks import Memory, Text, TokenReader
+from motionary.systems.masked.masked_networks import Memory, ResidualDetail, Text, TokenReader
 from motionary.systems.masked.masking import masked_counts
 
 Logits = Callable[[Memory, list[tuple[Tensor, Tensor]]], Tensor]  # of one pass, given what the text says
@@ -37,7 +38,9 @@ class Drawing:
 
 def draws_needed(model: MaskedGenerator) -> int:
     """Uniform numbers that one motion takes, whatever its length."""
-    return (2 * model.config.iterations + model.config.num_quantizers - 1) * model.context.max_tokens
+    config = model.config
+    detail = config.code_dim if config.detail == "flow" else config.num_quantizers - 1
+    return (2 * config.iterations + detail) * model.context.max_tokens
 
 
 class TextGuidance:
@@ -52,11 +55,11 @@ class TextGuidance:
         self.memory = model.text(text.twice() if self.twice else text, blank)
         self.read = reader.read(self.memory)
 
-    def __call__(self, logits: Callable[..., Tensor], x: Tensor, count: Tensor) -> Tensor:
-        """Log-probabilities (B, S, K) of `logits(x, count, memory, read)`."""
+    def __call__(self, told: Callable[..., Tensor], x: Tensor, count: Tensor) -> Tensor:
+        """(B, S, K) of `told(x, count, memory, read)`: log-probabilities or velocities."""
         if not self.twice:
-            return logits(x, count, self.memory, self.read).log_softmax(-1)
-        both = logits(torch.cat((x, x)), torch.cat((count, count)), self.memory, self.read).log_softmax(-1)
+            return told(x, count, self.memory, self.read)
+        both = told(torch.cat((x, x)), torch.cat((count, count)), self.memory, self.read)
         with_text, without = both.chunk(2)
         return without + self.scale * (with_text - without)
 
@@ -84,19 +87,66 @@ def fill(
     passes = 2 * model.config.iterations
     guided = TextGuidance(model, model.plan.reader, text, told, drawing.guidance)
     layers = [_plan(model, guided, codes[..., 0], valid & ~known, count, noise[:, :passes], drawing) * valid]
+    if codes.shape[-1] == 1:
+        return torch.stack(layers, -1)
     guided = TextGuidance(model, model.detail.reader, text, told, drawing.detail_guidance)
-    so_far = F.embedding(layers[0], model.codebooks[0])  # (B, S, d)
+    detail = _flow if isinstance(model.detail, FlowDetail) else _residual
+    layers += [
+        layer * valid for layer in detail(model, guided, layers[0], codes, known, count, noise[:, passes:], drawing)
+    ]
+    return torch.stack(layers, -1)
+
+
+def _residual(
+    model: MaskedGenerator,
+    guided: TextGuidance,
+    base: Tensor,
+    codes: Tensor,
+    known: Tensor,
+    count: Tensor,
+    noise: Tensor,
+    drawing: Drawing,
+) -> list[Tensor]:
+    """The codes (B, S) of each layer after the base, one after another, by noise (B, L - 1, S)."""
+    layers, so_far, network = [], F.embedding(base, model.codebooks[0]), model.detail  # (B, S, d)
+    assert isinstance(network, ResidualDetail)
     for level in range(1, codes.shape[-1]):
         codebook = model.codebooks[level]
 
-        def logits(x: Tensor, *rest, level: int = level, codebook: Tensor = codebook) -> Tensor:
+        def scores(x: Tensor, *rest, level: int = level, codebook: Tensor = codebook) -> Tensor:
             """Of the layer's codes."""
-            return model.detail.logits(model.detail(x, level, *rest), level, codebook)
+            return network.logits(network(x, level, *rest), level, codebook).log_softmax(-1)
 
-        drawn = _choose(guided(logits, so_far, count), noise[:, passes + level - 1], drawing.detail)
-        layers.append(torch.where(known, codes[..., level], drawn) * valid)
+        drawn = _choose(guided(scores, so_far, count), noise[:, level - 1], drawing.detail)
+        layers.append(torch.where(known, codes[..., level], drawn))
         so_far = so_far + F.embedding(layers[-1], codebook)
-    return torch.stack(layers, -1)
+    return layers
+
+
+def _flow(
+    model: MaskedGenerator,
+    guided: TextGuidance,
+    base: Tensor,
+    codes: Tensor,
+    known: Tensor,
+    count: Tensor,
+    noise: Tensor,
+    drawing: Drawing,
+) -> list[Tensor]:
+    """The codes (B, S) of each layer after the base, all together, by noise (B, d, S)."""
+    network, temperature = model.detail, drawing.detail.temperature if drawing.detail else 0.0
+    assert isinstance(network, FlowDetail)
+    # Codes at unknown places may be any number.
+    entries = model.entries(torch.cat((base[..., None], codes[..., 1:] * known[..., None]), -1))
+    start = temperature * normal_from(noise.mT).to(entries)
+
+    def velocity(x: Tensor, time: Tensor) -> Tensor:
+        """Guided by the text."""
+        return guided(lambda x, *rest: network(x, time, *rest), x, count)
+
+    rest = network.draw(velocity, entries, known, start, model.config.flow_steps)
+    drawn = codes_of(rest, model.codebooks[1:])
+    return list(torch.where(known[..., None], codes[..., 1:], drawn).unbind(-1))
 
 
 def _plan(
@@ -113,7 +163,7 @@ def _plan(
     unknown = hidden.sum(1)  # (B,)
     codes = codes.masked_fill(hidden, mask)
     for step in range(steps):
-        scores = guided(model.plan, codes, count)
+        scores = guided(lambda *given: model.plan(*given).log_softmax(-1), codes, count)
         drawn = _choose(scores, noise[:, 2 * step], drawing.sampling)
         sure = scores.log_softmax(-1).gather(-1, drawn[..., None])[..., 0]
         if drawing.sampling is not None:

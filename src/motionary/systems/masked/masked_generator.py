@@ -1,5 +1,5 @@
 """p(residual motion tokens | sentence): base tokens by a masked transformer, the other layers one after another by a
-residual transformer (MoMask 3.2, 3.3).
+residual transformer (MoMask 3.2, 3.3) or all together by a flow.
 
 Deviations from MoMask: the text is read word by word (words with their classes, token states of a frozen language
 model) and not as one CLIP vector; a part of the training masks whole spans, so that the same network fills gaps; both
@@ -19,9 +19,12 @@ from motionary.corpus.batch import SentenceBatch, TokenBatch
 from motionary.corpus.context import Context
 from motionary.errors import DEEPEST, WIDEST, InputError, check_range, check_share, check_values
 from motionary.nn.layers import hide_words, length_mask
-from motionary.systems.masked.masked_networks import BasePlan, ResidualDetail, Text, TextReader, TokenReader
+from motionary.systems.masked.flow_detail import FlowDetail
+from motionary.systems.masked.masked_networks import BasePlan, Memory, ResidualDetail, Text, TextReader, TokenReader
 from motionary.systems.masked.masking import corrupted, training_mask
 from motionary.systems.trainable import Loss, Trainable
+
+DETAILS = ("residual", "flow")
 
 
 class MaskedBatch(TokenBatch, SentenceBatch, Protocol):
@@ -58,19 +61,23 @@ class MaskedGeneratorConfig:
     guidance: float = 4.0
     detail_temperature: float = 1.0
     detail_guidance: float = 2.0
+    detail: str = "residual"
+    flow_steps: int = 8
 
     def __post_init__(self) -> None:
         name = "masked_generator"
         widths = ("codebook_size", "code_dim", "word_dim", "width", "num_heads", "dim_feedforward")
         check_range(name, self, widths, 1, WIDEST)
         check_range(name, self, ("num_quantizers", "num_layers", "detail_layers"), 1, DEEPEST)
-        check_range(name, self, ("iterations",), 1, 1000)
+        check_range(name, self, ("iterations", "flow_steps"), 1, 1000)
         check_range(name, self, ("guidance", "detail_guidance", "detail_temperature"), 0, 1000)
         check_share(name, self, ("dropout", "label_smoothing", "word_dropout"))
         check_range(name, self, ("text_dropout", "span_share", "random_share", "kept_share"), 0, 1)
         check_values(name, self, ("temperature",), lambda v: 0 < v <= 1000, "must be above 0, at most 1000")
         check_values(name, self, ("top_p",), lambda v: 0 < v <= 1, "must be above 0, at most 1")
         check_values(name, self, ("width",), lambda v: v % 2 == 0, "must be even: sinusoids come in pairs")
+        if self.detail not in DETAILS:
+            raise InputError(f"{name}.detail", self.detail, f"must be one of {', '.join(DETAILS)}")
         if self.width % self.num_heads:
             raise InputError(f"{name}.num_heads", self.num_heads, f"must divide width, {self.width}")
         if self.random_share + self.kept_share > 1:
@@ -92,8 +99,11 @@ class MaskedGenerator(Trainable):
         self.text = TextReader(len(context.vocabulary), config.word_dim, width, config.dropout)
         self.plan = BasePlan(codes, TokenReader(*sizes, config.num_layers, config.dropout), width)
         # One layer alone has no detail; the network is there all the same, so that every config has the same parts.
-        self.detail = ResidualDetail(
-            layers, codes, config.code_dim, TokenReader(*sizes, config.detail_layers, config.dropout), width
+        reader = TokenReader(*sizes, config.detail_layers, config.dropout)
+        self.detail: ResidualDetail | FlowDetail = (
+            FlowDetail(config.code_dim, reader, width)
+            if config.detail == "flow"
+            else ResidualDetail(layers, codes, config.code_dim, reader, width)
         )
         self.register_buffer("codebooks", torch.zeros(layers, codes, config.code_dim))
 
@@ -101,7 +111,7 @@ class MaskedGenerator(Trainable):
     def take_codebooks(self, codebooks: Tensor) -> MaskedGenerator:
         """The tokenizer's entries (L, K, d); base codes that lie close start alike."""
         self.codebooks.copy_(codebooks)
-        self.detail.scale.copy_(codebooks.square().mean((1, 2)).sqrt().clamp(min=1e-6))
+        self.detail.take_codebooks(codebooks)
         centred = (codebooks[0] - codebooks[0].mean(0)) @ torch.randn(codebooks.shape[2], self.config.width)
         self.plan.embedding.weight[:-1] = 0.5 * centred / centred.std().clamp(min=1e-6)
         return self
@@ -121,24 +131,36 @@ class MaskedGenerator(Trainable):
         terms = {"plan_nll": plan, "plan_top1": (logits.argmax(-1) == base[hidden]).float().mean()}
         total = plan
         if config.num_quantizers > 1:
-            terms |= self._detail_terms(batch.tokens, count, valid, memory, generator)
-            total = plan + terms["detail_nll"]
+            if isinstance(self.detail, FlowDetail):
+                terms["detail_flow"] = self.detail.loss(self.entries(batch.tokens), valid, memory, generator)
+                total = plan + terms["detail_flow"]
+            else:
+                terms |= self._detail_terms(self.detail, batch.tokens, count, valid, memory, generator)
+                total = plan + terms["detail_nll"]
         return total, {name: value.detach() for name, value in terms.items()}
 
     def entries(self, codes: Tensor) -> Tensor:
         """(B, S, L') codes of the first layers -> (B, S, L', d) their entries."""
         return torch.stack([F.embedding(codes[..., i], self.codebooks[i]) for i in range(codes.shape[-1])], 2)
 
-    def _detail_terms(self, codes, count, valid, memory, generator) -> dict[str, Tensor]:
+    def _detail_terms(
+        self,
+        detail: ResidualDetail,
+        codes: Tensor,
+        count: Tensor,
+        valid: Tensor,
+        memory: Memory,
+        generator: torch.Generator,
+    ) -> dict[str, Tensor]:
         """The loss of the layer that each item draws, given the true codes of those before."""
         level = torch.randint(1, self.config.num_quantizers, (len(codes),), generator=generator, device=codes.device)
         before = torch.arange(codes.shape[-1], device=codes.device) < level[:, None, None]  # (B, 1, L)
         so_far = (self.entries(codes) * before[..., None]).sum(2)  # (B, S, d)
-        told = self.detail(so_far, level, count, memory, self.detail.reader.read(memory))
+        told = detail(so_far, level, count, memory, detail.reader.read(memory))
         losses, right, smoothing = [], [], self.config.label_smoothing if self.training else 0.0
         for layer in range(1, self.config.num_quantizers):
             chosen = valid & (level == layer)[:, None]
-            logits, target = self.detail.logits(told[chosen], layer, self.codebooks[layer]), codes[..., layer][chosen]
+            logits, target = detail.logits(told[chosen], layer, self.codebooks[layer]), codes[..., layer][chosen]
             losses.append(F.cross_entropy(logits, target, label_smoothing=smoothing, reduction="sum"))
             right.append((logits.argmax(-1) == target).sum())
         total = valid.sum()

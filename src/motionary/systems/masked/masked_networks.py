@@ -145,6 +145,11 @@ class ResidualDetail(nn.Module):
         self.bias = nn.Parameter(torch.zeros(layers, codes))
         self.register_buffer("scale", torch.ones(layers))  # root mean square of the entries of each layer
 
+    @torch.no_grad()
+    def take_codebooks(self, codebooks: Tensor) -> None:
+        """The tokenizer's entries (L, K, d)."""
+        self.scale.copy_(codebooks.square().mean((1, 2)).sqrt().clamp(min=1e-6))
+
     def forward(
         self,
         so_far: Tensor,
