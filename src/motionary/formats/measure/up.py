@@ -34,6 +34,10 @@ _WEIGHTS = {
 # What programs write, before anything is seen.
 USUAL = {"y": 1.0, "z": 0.5}
 _TRAVEL = 1e-3
+# A clip whose pelvis begins in the origin (closer than this, in sizes) was moved there: heights over the origin tell
+# nothing of the ground. What is left is mostly posture, which tells standing people from lying ones half as surely.
+_ORIGIN, _POSTURE_ALONE = 0.02, 0.5
+_OVER_ORIGIN = ("ground at zero", "below the ground", "pelvis above zero", "starts at zero")
 # Gravity in sizes per second squared, for bodies of 1.15 to 1.5 m; what it may be out of the vertical; instants that
 # tell all. On 450 takes 29 have such instants, for the true axis alone. Landing pushes as hard, but no 0.1 s as evenly.
 _GRAVITY, _SIDEWAYS, _FLIGHT = (6.5, 8.5), 1.5, 3
@@ -47,7 +51,10 @@ def measure_up(body: BodyFrame, usual: dict[str, float] | None = None) -> Choice
         usual: log-odds by axis in favour of what such files hold; None: y, then z.
     """
     evidence = _evidence(body)
+    if centred := np.linalg.norm(body["pelvis"][0]) < _ORIGIN:
+        evidence |= dict.fromkeys(_OVER_ORIGIN, np.zeros(len(AXES)))
     scores = np.array(list(_WEIGHTS.values())) @ np.stack([evidence[what] for what in _WEIGHTS])
+    scores *= _POSTURE_ALONE if centred else 1.0
     return choose(list(AXES), scores.tolist(), USUAL if usual is None else usual)
 
 
