@@ -46,13 +46,24 @@ def test_a_bad_line_is_one_problem_and_the_rest_stays(tmp_path, folder_of, bad, 
     assert rule in problems[0].rule
 
 
-def test_a_byte_order_mark_is_no_part_of_the_first_line(tmp_path, folder_of):
-    folder_of(tmp_path, [line("first", "a walk"), line("good", "a run")])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+def test_listings_in_the_encodings_of_windows(tmp_path, folder_of, encoding):
+    folder_of(tmp_path, [line("first", "a walk to a café"), line("good", "a run")])
     text = (tmp_path / "clips.jsonl").read_text()
-    (tmp_path / "clips.jsonl").write_text(text, encoding="utf-8-sig")
-    (tmp_path / "mapping.json").write_text('{"up": "y"}', encoding="utf-8-sig")
+    (tmp_path / "clips.jsonl").write_text(text.replace("\n", "\r\n"), encoding=encoding)
+    (tmp_path / "mapping.json").write_text('{"up": "y"}', encoding=encoding)
     clips, problems = listed(tmp_path)
     assert ([clip.id for clip in clips], problems) == (["root/first", "root/good"], [])
+    assert clips[0].captions[0].text == "a walk to a café"
+
+
+def test_a_line_in_another_encoding_spoils_no_other(tmp_path, folder_of):
+    folder_of(tmp_path, [line("first", "a walk"), line("good", "a run")])
+    rows = [json.dumps(line(name, "to a café"), ensure_ascii=False) for name in ("first", "good")]
+    data = rows[0].encode("latin-1") + b"\n" + rows[1].encode() + b"\n"
+    (tmp_path / "clips.jsonl").write_bytes(data)
+    clips, problems = listed(tmp_path)
+    assert ([clip.captions[0].text for clip in clips], problems) == (["to a café"] * 2, [])
 
 
 def test_unknown_keys_are_said_once_with_the_nearest_known_one(tmp_path, folder_of):

@@ -7,7 +7,7 @@ import pytest
 
 from motionary.motion import Skeleton
 from motionary.motion.rigs import LIMBS, REQUIRED, find_roles
-from motionary.motion.roles import contradictions, roles_of
+from motionary.motion.roles import contradictions, disagreements, roles_of
 from motionary.motion.tree import roles_by_tree
 
 SMPL = Skeleton.named("smpl22")
@@ -170,3 +170,24 @@ def test_a_mapping_that_contradicts_the_tree_is_said():
     assert "left_knee (left_ankle) is not below left_ankle (left_knee)" in contradictions(
         roles, SMPL.joints, SMPL.parents
     )
+
+
+def test_a_spine_out_of_order_is_said():
+    roles = dict(SMPL.roles)
+    roles["spine1"], roles["spine3"] = roles["spine3"], roles["spine1"]
+    assert any("is not below" in line for line in contradictions(roles, SMPL.joints, SMPL.parents))
+
+
+def test_a_mapping_against_what_names_and_tree_say():
+    known = SMPL.roles
+    assert disagreements(known, known, SMPL.joints) == []
+    assert disagreements({"spine1": known["spine2"]}, known, SMPL.joints) == []
+    (slip,) = disagreements({"left_shoulder": known["left_collar"]}, known, SMPL.joints)
+    assert slip.startswith("left_collar (left_shoulder) is left_collar")
+    sides = {role: known[role.replace("left", "r8").replace("right", "left").replace("r8", "right")] for role in known}
+    (swapped,) = disagreements(sides, known, SMPL.joints)
+    assert "left and right" in swapped
+    legs = {role: joint for role, joint in sides.items() if role.split("_")[-1] in ("hip", "knee", "ankle")}
+    said = disagreements(dict(known) | legs, known, SMPL.joints)
+    assert len(said) == 4
+    assert said[-1] == "and 3 more"

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 from motionary.corpus.checks import check_home, check_unicode, unforeseen
 from motionary.errors import InputError, shortened
+from motionary.files import decoded, text_stream
 from motionary.formats.read.reading_options import Reading, ReadingOptions, nearest_key
 from motionary.motion import Motion
 from motionary.motion.motion import SLOWEST_RATE
@@ -116,8 +117,9 @@ def read_listing(path: Path, parse, where: str | None = None) -> tuple[list, lis
         where: how to name the file in complaints (default: the path).
     """
     items, problems = [], []
-    with path.open(encoding="utf-8-sig", errors="replace") as lines:
-        for number, line in enumerate(lines, 1):
+    with text_stream(path) as lines:
+        parts = (part for line in lines for part in line.splitlines())  # of bytes: at \n and \r alone
+        for number, line in enumerate(map(decoded, parts), 1):
             if not line.strip():
                 continue
             place = f"{where or path}:{number}"

@@ -14,7 +14,7 @@ from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
 from motionary.motion import Motion, Skeleton, fit_rotations
 from motionary.motion.rigs import REQUIRED, find_roles
-from motionary.motion.roles import chains_of, contradictions, names_by_role, read_mapping, roles_of
+from motionary.motion.roles import chains_of, contradictions, disagreements, names_by_role, read_mapping, roles_of
 from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
 from motionary.motion.skeleton import NAMED
 from motionary.motion.tree import roles_by_tree
@@ -74,8 +74,10 @@ def _cast(
         source = "tree" if roles else "unknown"
     renamed: dict[str, int] = {}
     notes: list[str] = []
+    against: list[str] = []
     if options.mapping is not None:
         renamed, source = read_mapping(options.mapping, track.joints), "mapping"
+        against += disagreements(renamed, roles, track.joints)
     elif not all(role in roles for role in REQUIRED):
         some = np.unique(np.linspace(0, len(positions) - 1, 50).astype(int))
         if renamed := roles_by_tree(track.joints, track.parents, rest, positions[some].astype(np.float64)):
@@ -85,7 +87,9 @@ def _cast(
     if renamed:
         track = replace(track, joints=tuple(names_by_role(track.joints, roles, renamed)))
         roles = {role: joint for role, joint in roles.items() if joint not in renamed.values()} | renamed
-    notes += [f"{line}: does the mapping fit? (--mapping)" for line in contradictions(roles, joints, track.parents)]
+    against += contradictions(roles, joints, track.parents)
+    if against:
+        notes.append(f"{'; '.join(against)}: does the mapping fit? (--mapping)")
     return track, roles, source, notes
 
 

@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.motion.rigs import REQUIRED, ROLES, find_roles
+from motionary.files import decoded
+from motionary.motion.rigs import CENTRAL, REQUIRED, ROLES, SIDES, find_roles
 from motionary.motion.tree import common_ancestor, roles_by_tree
 
 # Keys that a mapping file may hold beside roles: how its motions are to be read.
 READING_KEYS = ("up", "unit", "mirror", "skip_first", "body")
 _LIMBS = (("pelvis", "hip", "knee", "ankle", "foot"), ("collar", "shoulder", "elbow", "wrist"))
+_SPINE = ("spine1", "spine2", "spine3")
+_MOST_SAID = 3
 
 
 def roles_of(
@@ -63,16 +66,31 @@ def contradictions(roles: Mapping[str, int], joints: Sequence[str], parents: Seq
         return False
 
     found = []
-    for side in ("left", "right"):
-        for limb in _LIMBS:
-            chain = [name if name == "pelvis" else f"{side}_{name}" for name in limb]
-            chain = [role for role in chain if role in roles]
-            for upper, lower in itertools.pairwise(chain):
-                # Some rigs hang the legs beside the pelvis, none hangs a knee beside or above its hip.
-                if not below(roles[lower], roles[upper]) and (upper != "pelvis" or below(roles[upper], roles[lower])):
-                    names = f"{joints[roles[lower]]} ({lower}) is not below {joints[roles[upper]]} ({upper})"
-                    found.append(names)
+    sided = [[name if name == "pelvis" else f"{side}_{name}" for name in limb] for side in SIDES for limb in _LIMBS]
+    for chain in [*sided, CENTRAL]:
+        for upper, lower in itertools.pairwise(role for role in chain if role in roles):
+            # Some rigs hang the legs or the spine beside the pelvis, none hangs a knee beside or above its hip.
+            if not below(roles[lower], roles[upper]) and (upper != "pelvis" or below(roles[upper], roles[lower])):
+                found.append(f"{joints[roles[lower]]} ({lower}) is not below {joints[roles[upper]]} ({upper})")
     return found
+
+
+def disagreements(given: Mapping[str, int], known: Mapping[str, int], joints: Sequence[str]) -> list[str]:
+    """Where a mapping gives a joint another role than names and tree do, a line each; rigs count the joints of the
+    spine in many ways, so that these are left to the mapping."""
+    by_joint = {joint: role for role, joint in known.items() if role not in _SPINE}
+    other = {role: by_joint[joint] for role, joint in given.items() if by_joint.get(joint, role) != role}
+    other = {role: seen for role, seen in other.items() if role not in _SPINE}
+    sided = [role for role in given if role[:5] in ("left_", "right") and role in known]
+    if len(sided) > 2 and all(other.get(role) == _across(role) for role in sided):
+        return ["left and right of the mapping are the other way round by the joints' names and tree"]
+    lines = [f"{joints[given[role]]} ({role}) is {seen} by the joints' names and tree" for role, seen in other.items()]
+    return lines[:_MOST_SAID] + ([f"and {len(lines) - _MOST_SAID} more"] if len(lines) > _MOST_SAID else [])
+
+
+def _across(role: str) -> str:
+    """The same role on the other side."""
+    return f"right{role[4:]}" if role.startswith("left") else f"left{role[5:]}"
 
 
 def names_by_role(joints: Sequence[str], known: Mapping[str, int], given: Mapping[str, int]) -> list[str]:
@@ -115,7 +133,7 @@ def checked_mapping(given: Path | str | Mapping[str, str]) -> dict[str, str]:
 
 
 def load_mapping(given: Path | str | Mapping[str, Any]) -> Mapping[str, Any]:
-    """The object of a mapping file (JSON, with or without a byte order mark), or the dict itself.
+    """The object of a mapping file (JSON, in any encoding that `decoded` knows), or the dict itself.
 
     Raises:
         InputError: the file is unreadable or holds no object.
@@ -123,7 +141,7 @@ def load_mapping(given: Path | str | Mapping[str, Any]) -> Mapping[str, Any]:
     if isinstance(given, Mapping):
         return given
     try:
-        mapping = json.loads(Path(given).read_text("utf-8-sig"))
+        mapping = json.loads(decoded(Path(given).read_bytes()))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(given, error, "a JSON file with a joint name for each role") from None
     if not isinstance(mapping, Mapping):

@@ -90,7 +90,7 @@ def test_another_skeleton_must_be_given(tmp_path):
         read_motion(tmp_path / "a.npy", skeleton=Skeleton.named("smpl22"))
 
 
-@pytest.mark.parametrize("shape", ["batch", "joints first", "joints first in a batch", "smpl24", "smplh"])
+@pytest.mark.parametrize("shape", ["batch", "joints first", "joints first in a batch", "smpl24", "smplh", "smplx"])
 def test_shapes_that_programs_write(tmp_path, motion, shape):
     """(1, T, 22, 3), (22, 3, T), (1, 22, 3, T), and SMPL's 24 or SMPL-H's 52 joints, of which the body is kept."""
     body = motion.positions
@@ -101,6 +101,7 @@ def test_shapes_that_programs_write(tmp_path, motion, shape):
         "joints first in a batch": body.transpose(1, 2, 0)[None],
         "smpl24": np.concatenate([body, hands[:, [0, 15]]], axis=1),
         "smplh": np.concatenate([body, hands], axis=1),
+        "smplx": np.concatenate([body, hands, hands[:, :3]], axis=1),
     }[shape]
     np.save(tmp_path / "a.npy", array)
     again = read_motion(tmp_path / "a.npy")
@@ -133,6 +134,45 @@ def test_smpl_poses(tmp_path, width, rate, up):
     np.testing.assert_allclose((at["right_ankle"] - at["right_knee"])[0], [0.0191, -0.42, -0.0346], atol=1e-3)
     placed = forward_kinematics(motion.skeleton, motion.rotations, motion.positions[:, 0])
     np.testing.assert_allclose(placed, motion.positions, atol=1e-5)
+
+
+NAMES = {
+    "amass": ("poses", "trans"),
+    "aist": ("smpl_poses", "smpl_trans"),
+    "moshpp": ("root_orient", "pose_body", "trans"),
+    "smplx": ("global_orient", "body_pose", "transl"),
+}
+
+
+@pytest.mark.parametrize("names", NAMES)
+@pytest.mark.parametrize("batch", [False, True])
+def test_smpl_poses_by_the_names_of_other_programs(tmp_path, names, batch):
+    rng = np.random.default_rng(0)
+    poses, trans = rng.normal(0, 0.2, (20, 66)), np.full((20, 3), 1.0)
+    *parts, place = NAMES[names]
+    arrays = dict(zip(parts, [poses] if len(parts) == 1 else [poses[:, :3], poses[:, 3:]], strict=True)) | {
+        place: trans
+    }
+    np.savez(tmp_path / "a.npz", poses=poses, trans=trans, fps=30.0)
+    np.savez(tmp_path / "b.npz", **{name: array[None] if batch else array for name, array in arrays.items()})
+    one = read_motion(tmp_path / "a.npz", up="y")
+    np.testing.assert_array_equal(read_motion(tmp_path / "b.npz", up="y", fps=30).positions, one.positions)
+    with pytest.raises(InputError, match="need a rate"):
+        read_motion(tmp_path / "b.npz")
+
+
+@pytest.mark.parametrize("wrong", ["degrees", "millimetres", "centimetres"])
+def test_smpl_poses_in_other_units_are_refused(tmp_path, wrong):
+    """Standing still too: a pelvis at 90 m is no pelvis."""
+    poses, trans = np.full((30, 72), 0.3), np.tile([0.3, 0.4, 0.95], (30, 1))
+    poses[:, 0] = np.pi / 2
+    if wrong == "degrees":
+        poses = np.degrees(poses)
+    else:
+        trans *= {"millimetres": 1000, "centimetres": 100}[wrong]
+    np.savez(tmp_path / "a.npz", poses=poses, trans=trans, mocap_framerate=30.0)
+    with pytest.raises(InputError, match="radians" if wrong == "degrees" else "metres"):
+        read_motion(tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize(
@@ -310,6 +350,25 @@ def test_released_features_are_read_as_motions(tmp_path, name, batch):
     assert (again.fps, again.frames, reading.up, reading.mirrored) == (rate, len(features), "y", False)
     # The released KIT features begin with the back to +z.
     np.testing.assert_allclose(canonicalize(again).positions, motion.positions[:-1], atol=5e-3)
+
+
+@pytest.mark.parametrize("name", ["smpl22", "kit21"])
+def test_normalised_features_are_refused(tmp_path, name):
+    """Their root height may lie where people's does; their rotations' axes have no length of 1."""
+    from motionary.features import HumanML3D
+    from motionary.motion import retarget
+
+    skeleton = Skeleton.named(name)
+    features = HumanML3D(skeleton).encode(retarget(demo_clip(4)[0], skeleton))
+    normalised = (features - features.mean(0)) / (features.std(0) + 1e-3)
+    normalised[:, 3] += 0.5
+    np.save(tmp_path / "a.npy", normalised)
+    with pytest.raises(InputError, match=r"raw.*Std \+ Mean"):
+        read_motion(tmp_path / "a.npy")
+    made = features.copy()  # as a model makes them: rotations that are nearly such
+    made[:, 70:190] *= 1.1
+    np.save(tmp_path / "a.npy", made)
+    assert read_motion(tmp_path / "a.npy").frames == len(made)
 
 
 @pytest.mark.parametrize("joints", [24, 52])

@@ -170,6 +170,35 @@ def test_a_mapping_against_the_tree_is_said(tmp_path):
         read_motion(tmp_path / "a.bvh", {"left_ankle": "right_ankle", "right_ankle": "left_ankle"})
 
 
+def test_a_mapping_whose_sides_are_swapped_is_said(tmp_path):
+    """Else the world would be reflected in silence to make it fit."""
+    world, root = person("stands")
+    names = [f"j{i}" for i in range(22)]
+    text = written(world, root, "y", "t")
+    for name, other in sorted(zip(SMPL.joints, names, strict=True), reverse=True):
+        text = text.replace(f" {name}\n", f" {other}\n")
+    (tmp_path / "a.bvh").write_text(text)
+    fits = {role: names[joint] for role, joint in SMPL.roles.items()}
+    swap = {"left": "right", "right": "left"}
+    swapped = {"_".join(swap.get(word, word) for word in role.split("_")): name for role, name in fits.items()}
+    assert not read_motion_with(tmp_path / "a.bvh", fits)[1].notes
+    assert any("left and right" in note for note in read_motion_with(tmp_path / "a.bvh", swapped)[1].notes)
+
+
+@pytest.mark.parametrize("rest", RESTS)
+@pytest.mark.parametrize("posture", POSTURES)
+def test_people_moved_to_the_origin_are_upright_or_doubted(tmp_path, posture, rest):
+    """The pelvis at zero is as near to the ground as the head: heights over the origin tell nothing."""
+    world, root = person(posture)
+    root = root - root[0]
+    for up in ("y",) if rest in ("t", "a") else ("y", "z"):  # who lies along a standing rest pose looks as if standing
+        (tmp_path / "a.bvh").write_text(written(world, root, up, rest))
+        motion, reading = read_motion_with(tmp_path / "a.bvh")
+        assert reading.up == up or any(note.startswith("up is uncertain") for note in reading.notes), reading
+        if posture == "stands":
+            np.testing.assert_allclose(motion.positions, points(world, root), atol=2e-3)
+
+
 def test_points_that_are_no_body_are_left_and_said(tmp_path):
     noise = np.random.default_rng(0).normal(size=(9, 22, 3)).astype(np.float32)
     np.save(tmp_path / "a.npy", noise)

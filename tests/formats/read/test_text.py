@@ -9,6 +9,7 @@ import pytest
 
 from motionary.errors import InputError
 from motionary.formats import read_motion
+from motionary.formats.read import read_motion_with
 from motionary.formats.read.bvh import read_bvh
 from motionary.formats.write.bvh_writer import write_bvh
 from motionary.motion import Motion, Skeleton
@@ -80,6 +81,24 @@ def test_position_channels_that_nobody_filled(tmp_path):
     (tmp_path / "a.bvh").write_text(filled)
     moved = read_bvh(tmp_path / "a.bvh", unit="cm")
     np.testing.assert_allclose(moved.positions[0, 1], [0, 0.6, 0], atol=1e-6)
+
+
+def test_position_channels_that_are_displacements(tmp_path, person):
+    """Channels below the root that stay near zero beside long OFFSETs are added to them, and that is said."""
+    write_bvh(person, tmp_path / "a.bvh")
+    head, rows = (tmp_path / "a.bvh").read_text().split("Frame Time:")
+    rate, *rows = rows.strip().splitlines()
+    six = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+    head = head.replace("CHANNELS 3 Zrotation Xrotation Yrotation", six)
+    rng, numbers = np.random.default_rng(0), np.array([row.split() for row in rows], float)
+    below = numbers[:, 6:].reshape(len(rows), -1, 3)
+    noise = rng.normal(0, 0.01, below.shape)
+    filled = np.concatenate([numbers[:, :6], np.concatenate([noise, below], -1).reshape(len(rows), -1)], axis=1)
+    text = "\n".join(" ".join(f"{x:.6f}" for x in row) for row in filled)
+    (tmp_path / "b.bvh").write_text(f"{head}Frame Time: {rate}\n{text}\n")
+    moved, reading = read_motion_with(tmp_path / "b.bvh")
+    assert any("added to OFFSET" in note for note in reading.notes)
+    np.testing.assert_allclose(moved.positions, person.positions, atol=5e-3)
 
 
 def test_a_joint_that_is_called_like_an_end_site_stays_a_joint(tmp_path):

@@ -14,13 +14,16 @@ from motionary.files import readable
 from motionary.formats.read.numpy_files import NUMBERS, TEXT, ArrayArchive, read_npy
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
-from motionary.formats.read.smpl import SMPL_KEYS, smpl_motion
+from motionary.formats.read.smpl import smpl_arrays, smpl_motion
 from motionary.motion import Motion, Skeleton, name_joints
 
-# Bare arrays carry no joint names: these counts are known layouts. SMPL's 24 and SMPL-H's 52 begin with the body's 22.
-_BARE = {22: "smpl22", 24: "smpl22", 52: "smpl22", 21: "kit21"}
+# Bare arrays carry no joint names: these counts are known layouts. SMPL's 24, SMPL-H's 52, SMPL-X's 55 and what the
+# smplx package gives of SMPL-X (127, 144) begin with the body's 22.
+_BARE = {22: "smpl22", 24: "smpl22", 52: "smpl22", 55: "smpl22", 127: "smpl22", 144: "smpl22", 21: "kit21"}
 _FEATURES = {263: ("smpl22", 20.0), 251: ("kit21", 12.5)}
 _LOWEST, _HIGHEST = 0.05, 2000.0  # root heights of raw features, in metres or (KIT-ML) millimetres
+_OFF_AXES = 0.35  # by how much a rotation's axes may miss their length 1 on average, in features that a model made
+_NORMALISED = "normalised ones need x * Std + Mean first"
 _DEFAULT_FPS = 20.0  # HumanML3D's rate, at which bare joint arrays are usually stored
 _FRAMES = 50  # enough to know how long bones are
 _SAME = 0.01  # metres by which bones of one body differ at most
@@ -40,14 +43,14 @@ def npy_with(
 ) -> tuple[Motion, Reading]:
     """Read joint positions (T, J, 3) of any float type, or HumanML3D features (T, 263), KIT-ML's (T, 251).
 
-    A batch of one (1, T, J, 3) and the order (J, 3, T) are read too; of SMPL's 24 joints and SMPL-H's 52 the first 22,
-    the body, are kept.
+    A batch of one (1, T, J, 3) and the order (J, 3, T) are read too; of SMPL's 24 joints, SMPL-H's 52 and SMPL-X's 55,
+    127 or 144 the first 22, the body, are kept.
 
     Args:
         path: the .npy file.
         options: what the user knows of the file.
         fps: frames per second; 20 where not given (KIT-ML features: 12.5).
-        skeleton: needed unless J is 22, 24 or 52 (SMPL order) or 21 (KIT order).
+        skeleton: needed unless J is one of these (SMPL order) or 21 (KIT order).
 
     Raises:
         InputError: not such an array.
@@ -80,7 +83,7 @@ def npz_with(
         InputError: no positions nor poses in it, damaged, pickled objects, or more than a file of its size can hold.
     """
     path, options = readable(path), options or ReadingOptions()
-    arrays = _arrays(path, (*SMPL_KEYS, *([] if options.body is None else ["betas"])))
+    arrays = _arrays(path, options.body is not None)
     if "positions" not in arrays:
         return smpl_motion(path, arrays, fps, options)
     if fps is None and "fps" in arrays:
@@ -95,14 +98,15 @@ def npz_with(
     return found if "skeleton" in arrays or "rotations" in arrays else _on_its_body(found)
 
 
-def _arrays(path: Path, of_smpl: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """The arrays that are looked at; either positions or poses are among them, and with poses those `of_smpl`."""
+def _arrays(path: Path, betas: bool) -> dict[str, np.ndarray]:
+    """The arrays that are looked at: positions and what belongs to them, else SMPL poses, with `betas` where asked."""
     with ArrayArchive(path) as archive:
         names = archive.names
-        if "positions" not in names and not {"poses", "trans"} <= set(names):
+        wanted = ("positions", "rotations", "fps", "skeleton") if "positions" in names else smpl_arrays(names)
+        if not wanted:
             rule = "must hold 'positions' (T, J, 3), or SMPL's 'poses' and 'trans' as AMASS does"
             raise InputError(path, f"holds {', '.join(names) or 'nothing'}", rule)
-        wanted = ("positions", "rotations", "fps", "skeleton") if "positions" in names else of_smpl
+        wanted += ("betas",) if betas and "positions" not in names else ()
         return {key: archive.read(key, TEXT if key == "skeleton" else NUMBERS) for key in wanted if key in names}
 
 
@@ -139,8 +143,13 @@ def _decoded(path: Path, array: np.ndarray, fps: float | None, options: ReadingO
     height = float(np.median(array[:, 3]))
     if not np.isfinite(array).all() or not _LOWEST < height < _HIGHEST:
         rule = f"features must be raw, with the root {_LOWEST:g} to {_HIGHEST:g} m high (mm in KIT-ML); "
-        raise InputError(path, f"root height {height:.3g}", rule + "normalised ones need x * Std + Mean first")
-    motion = HumanML3D(Skeleton.named(name)).decode(array.astype(np.float32), fps=usual_fps if fps is None else fps)
+        raise InputError(path, f"root height {height:.3g}", rule + _NORMALISED)
+    codec = HumanML3D(Skeleton.named(name))
+    axes = np.linalg.norm(array[:, codec.slices["rotations"]].reshape(len(array), -1, 3).astype(np.float64), axis=-1)
+    if axes.any() and (off := float(np.abs(axes - 1).mean())) > _OFF_AXES:  # all zero where a program leaves them out
+        rule = "features must be raw, with rotations as unit vectors; "
+        raise InputError(path, f"vectors {off:.2g} longer or shorter than 1", rule + _NORMALISED)
+    motion = codec.decode(array.astype(np.float32), fps=usual_fps if fps is None else fps)
     told = ReadingOptions(up="y", mirror=False)  # by their definition; KIT-ML's are in millimetres
     return _motion(path, motion.positions, motion.fps, motion.skeleton, options.over(told))
 
@@ -156,7 +165,7 @@ def _motion(
     if skeleton is None:
         known = _BARE.get(positions.shape[1])
         if known is None:
-            rule = "a bare array must have 22, 24 or 52 (SMPL) or 21 (kit21) joints; otherwise give skeleton="
+            rule = "a bare array must have 22, 24, 52 or 55 (SMPL) or 21 (kit21) joints; otherwise give skeleton="
             raise InputError(path, f"{positions.shape[1]} joints", rule)
         skeleton = Skeleton.named(known)
         positions = positions[:, : len(skeleton)]

@@ -19,6 +19,8 @@ from motionary.motion import Motion
 from motionary.motion.motion import FASTEST_RATE, SLOWEST_RATE
 from motionary.motion.rotations import euler_to_unitquat
 
+_DISPLACED = 0.25  # channels below the root shorter than this part of the OFFSET are no places of joints
+_SEVERAL = 3  # joints; one may be a pelvis that moves below a placement node
 _LONGEST_FRAME = 1 / SLOWEST_RATE  # s; slower than that is no recording of motion, but a rate in another unit
 
 
@@ -33,8 +35,9 @@ def bvh_with(
     """Read a BVH file: any channel order, rotation and position channels on any joint, end sites; and how it was read.
 
     Every joint stays, helpers and fingers too; end sites that have a length become joints named ``<parent>_end``.
-    Position channels replace a joint's OFFSET, unless they are zero through the whole file. Rotations are the file's
-    own; where a joint other than the root also moves, positions are true and rotations alone do not reproduce them.
+    Position channels replace a joint's OFFSET, unless they are zero through the whole file or are displacements from
+    it. Rotations are the file's own; where a joint other than the root also moves, positions are true and rotations
+    alone do not reproduce them.
 
     Args:
         path: the file.
@@ -93,8 +96,23 @@ def track_of(raw: RawBVH) -> Track:
                 if joint == 0 or joint in filled or rows[:, of_joint].any():
                     filled.add(joint)
     moved = {joint: moves[joint][:frames] for joint in sorted(filled)}
+    if below := _displaced(moved, offsets):
+        for joint in below:
+            moved[joint] += offsets[joint]
+        raw.notes.append("position channels below the root are far shorter than the bones; they were added to OFFSET")
     parents = tuple(new[node.parent] for node in nodes)
     return Track(unique_names([node.name for node in nodes]), parents, rotations[:frames], offsets, moved)
+
+
+def _displaced(moved: dict[int, np.ndarray], offsets: np.ndarray) -> list[int]:
+    """The joints below the root, of places (T, 3), whose channels say how far a joint is from its OFFSET.
+
+    By the format they say where it is; those who take them for displacements write next to nothing for stiff bones.
+    """
+    lengths = np.linalg.norm(offsets, axis=-1)
+    below = [joint for joint in moved if joint and lengths[joint] > 0]
+    apart = [np.median(np.linalg.norm(moved[joint], axis=-1)) / lengths[joint] for joint in below]
+    return below if len(below) >= _SEVERAL and np.median(apart) < _DISPLACED else []
 
 
 def _columns(nodes: list[Node], first: np.ndarray, kind: str) -> list[tuple[list[int], list[int], np.ndarray]]:

@@ -7,6 +7,7 @@ are then left aside, so that every body has the mean's proportions.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +21,13 @@ from motionary.formats.read.settle import settle, with_roles
 from motionary.motion import Motion, Skeleton, name_joints
 from motionary.motion.rotations import rotvec_to_unitquat
 
-SMPL_KEYS = ("poses", "trans", "mocap_framerate", "mocap_frame_rate", "fps")
+_RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
+# What programs call the same arrays: AMASS, AIST++, and those who name the parameters as the smplx package does.
+_POSES, _TRANS = ("poses", "smpl_poses"), ("trans", "smpl_trans", "transl")
+_ROOT, _BODY = ("root_orient", "global_orient"), ("pose_body", "body_pose")
 _WIDTHS = (66, 72, 156, 165)  # SMPL's body alone, SMPL, SMPL-H, SMPL-X
+_FASTEST, _HIGHEST = 20.0, 20.0  # m/s at which nobody moves, m at which nobody stays: trans is in another unit
+_LARGEST = 3 * np.pi  # rad; angles of joints beyond it are in degrees
 SMPL_ROOT = np.array([-0.0018, -0.2233, 0.0282])  # where the mean body's pelvis is when trans is 0
 SMPL_OFFSETS = np.array(
     [
@@ -54,6 +60,16 @@ _SAME_SHAPE = 1e-3  # by which betas of one body may differ
 _USUAL = {"up": {"z": 2.5, "y": 1.0}}
 
 
+def smpl_arrays(names: Collection[str]) -> tuple[str, ...]:
+    """Those of a file's arrays that SMPL poses are read from, nothing where they are not all there."""
+    poses, trans, root, body = (
+        next((name for name in known if name in names), "") for known in (_POSES, _TRANS, _ROOT, _BODY)
+    )
+    if not trans or not (poses or (root and body)):
+        return ()
+    return (*([poses] if poses else [root, body]), trans, *(rate for rate in _RATES if rate in names))
+
+
 def smpl_motion(
     path: Path, arrays: dict[str, np.ndarray], fps: float | None, options: ReadingOptions
 ) -> tuple[Motion, Reading]:
@@ -61,7 +77,8 @@ def smpl_motion(
 
     Args:
         path: names the file in errors.
-        arrays: `poses` (T, 66, 72, 156 or 165) axis-angle, `trans` (T, 3) metres, and the rate.
+        arrays: `poses` (T, 66, 72, 156 or 165) axis-angle, or its root and its body apart, `trans` (T, 3) metres, and
+            the rate; by the names that `smpl_arrays` gives.
         fps: overrides the file's rate.
         options: what the user knows of the file; it is in metres and not mirrored unless told. With its `body` the
             joints are those of the file's `betas` (n,), or (T, n) that do not change.
@@ -79,6 +96,8 @@ def smpl_motion(
     options = options.over(ReadingOptions(unit=1.0, mirror=False))
     settled = with_roles(settle(positions, dict(skeleton.roles), rate, options, rest, usual=_USUAL), "names", notes)
     positions, rotations = settled.points(positions), settled.rotations(rotations)
+    if options.unit == 1.0:
+        _check_metres(path, positions[:, 0], rate)
     reading = settled.reading
     if options.body is not None:
         reading = replace(reading, told=(*reading.told, "body"))
@@ -94,23 +113,46 @@ def smpl_motion(
 
 
 def _checked(path: Path, arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    poses, trans = arrays["poses"], arrays["trans"]
-    if poses.ndim == 3 and poses.shape[-1] == 3:
-        poses = poses.reshape(len(poses), -1)
-    for name, array in (("poses", poses), ("trans", trans)):
+    """`poses` (T, a width of `_WIDTHS`) and `trans` (T, 3), float64."""
+    rows = {}
+    for name in smpl_arrays(arrays):
+        if name in _RATES:
+            continue
+        array = arrays[name]
+        if array.ndim >= 3 and array.shape[0] == 1:
+            array = array[0]  # a batch of one
+        if array.ndim == 3 and array.shape[-1] == 3:
+            array = array.reshape(len(array), -1)
         if array.dtype.kind not in "fiu" or array.ndim != 2 or len(array) < 1 or not np.isfinite(array).all():
             raise InputError(f"{path}, {name}", f"{array.dtype} {array.shape}", "must be finite numbers, a row a frame")
-    if poses.shape[1] not in _WIDTHS or trans.shape != (len(poses), 3):
+        rows[name] = array.astype(np.float64)
+    *parts, place = rows
+    if len({len(array) for array in rows.values()}) > 1:
+        shapes = " and ".join(str(array.shape) for array in rows.values())
+        raise InputError(f"{path}, {' and '.join(rows)}", shapes, "must have as many rows")
+    poses, trans = np.concatenate([rows[name] for name in parts], axis=1), rows[place]
+    if poses.shape[1] not in _WIDTHS or trans.shape[1] != 3:
         rule = f"poses must be (T, {', '.join(map(str, _WIDTHS))}) angles and trans (T, 3)"
-        raise InputError(f"{path}, poses and trans", f"{poses.shape} and {trans.shape}", rule)
-    return poses.astype(np.float64), trans.astype(np.float64)
+        raise InputError(f"{path}, {' and '.join(rows)}", f"{poses.shape} and {trans.shape}", rule)
+    if (large := np.percentile(np.abs(poses[:, 3 : 3 * BODY]), 99)) > _LARGEST:
+        raise InputError(f"{path}, {' and '.join(parts)}", f"angles of {large:.3g}", "must be radians, not degrees")
+    return poses, trans
 
 
 def _rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
-    for key in SMPL_KEYS[2:]:
+    for key in _RATES:
         if key in arrays and arrays[key].size == 1 and arrays[key].dtype.kind in "fiu":
             return float(arrays[key].reshape(()))
     raise InputError(path, "no mocap_framerate", "SMPL poses need a rate: fps=, --fps")
+
+
+def _check_metres(path: Path, pelvis: np.ndarray, rate: float) -> None:
+    """InputError where the pelvis (T, 3), y up, is as fast or as high as nobody's half of the time."""
+    steps = np.linalg.norm(np.diff(pelvis, axis=0), axis=-1) if len(pelvis) > 1 else np.zeros(1)
+    speed, height = float(np.median(steps)) * rate, float(np.median(np.abs(pelvis[:, 1])))
+    if speed > _FASTEST or height > _HIGHEST:
+        shown = f"{speed:.3g} units a second, {height:.3g} high"
+        raise InputError(f"{path}, trans", shown, "must be in metres (divide by 1000, or by 100)")
 
 
 def _rest(
