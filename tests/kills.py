@@ -109,12 +109,14 @@ class Project:
             time.sleep(0.2)
 
     def kill(self, run: subprocess.Popen, victim: str) -> list[str]:
-        """Kills; returns what, as commands."""
+        """Kills; returns what, as commands. A stage and its DVC are this run's: those that an earlier run left behind
+        end by themselves, and this run would not fail with them."""
         lines = [(process, " ".join(_line(process))) for process in self.processes()]
+        own = {run.pid, *_children(run.pid)}
         wanted = {
             "run": [pair for pair in lines if pair[0].pid == run.pid],
-            "stage": [pair for pair in lines if " stages/" in pair[1] and "dvc" not in pair[1]],
-            "dvc": [pair for pair in lines if "-m dvc" in pair[1] and "guard.py" not in pair[1]],
+            "stage": [pair for pair in lines if pair[0].pid in own and " stages/" in pair[1] and "dvc" not in pair[1]],
+            "dvc": [pair for pair in lines if pair[0].pid in own and "-m dvc" in pair[1] and "guard.py" not in pair[1]],
             "all": lines,
         }[victim]
         for process, _ in wanted:
@@ -140,6 +142,14 @@ def _undated(content: bytes) -> bytes:
     return re.sub(rb"<b>date</b> [\w ]+", b"", content)
 
 
+def _children(pid: int) -> set[int]:
+    """Processes below a process."""
+    try:
+        return {process.pid for process in psutil.Process(pid).children(recursive=True)}
+    except psutil.Error:
+        return set()
+
+
 def _line(process: psutil.Process) -> list[str]:
     try:
         return process.cmdline()
@@ -152,9 +162,10 @@ def _short(line: str) -> str:
     return (line[place + 1 :].split(" --config")[0] if place >= 0 else line[-70:]).strip()
 
 
-def kill_and_go_on(project: Project, record: dict, seed: int, most: int, until: float) -> bool:
+def kill_and_go_on(project: Project, record: dict, file: Path, seed: int, most: int, until: float) -> bool:
     """One kill after another until the run ends by itself, well; False where the kills or the time are spent before."""
     while True:
+        file.write_text(json.dumps(record, indent=1))
         number = len(record["kills"])
         draw = random.Random(f"{seed}-{number}")
         seconds, victim = draw.uniform(0.0, LONGEST), draw.choice(VICTIMS)
@@ -194,7 +205,7 @@ def passes(project: Project, record: dict, file: Path, seed: int, most: int, unt
         if not record["open"]:
             project.clear()
             record["open"] = True
-        done = kill_and_go_on(project, record, seed, most, until)
+        done = kill_and_go_on(project, record, file, seed, most, until)
         if done:
             found = project.results()
             names = sorted(found.keys() ^ record["results"].keys())
