@@ -15,6 +15,7 @@ from tqdm import tqdm
 from motionary.archive.parts import SUFFIX, ArchivePart, ClipRow, Readers, make_part, stored
 from motionary.archive.writing_out import HIDDEN, write_out
 from motionary.corpus.clips import Clip
+from motionary.corpus.shared_rigs import with_shared_rigs
 from motionary.corpus.sources import checked_root, source_of
 from motionary.corpus.workers import in_order
 from motionary.dictionary import Dictionary, load
@@ -63,9 +64,11 @@ def index_folder(
     if not clips:
         hint = f"; the first problem: {problems[0]}" if problems else ""
         raise InputError(folder, "no motion", f"must hold at least one clip{hint}")
+    workers = workers or os.cpu_count() or 1
+    clips = with_shared_rigs(clips, workers)
     parts = out / HIDDEN / f"parts-{version['key']}"
     wanted = {_key(clip, file): (clip, file) for clip, file in _named(clips, folder)}
-    _make(parts, wanted, readers, workers or os.cpu_count() or 1, progress)
+    _make(parts, wanted, readers, workers, progress)
     found = write_out(folder, out, _ordered(parts, wanted), version, progress)
     for old in (out / HIDDEN).glob("parts-*"):
         if old != parts:

@@ -20,6 +20,7 @@ from motionary.corpus.clips import Caption, Clip, problem_rows
 from motionary.corpus.config import DataConfig
 from motionary.corpus.context import Context
 from motionary.corpus.readings import ReadingCounts
+from motionary.corpus.shared_rigs import with_shared_rigs
 from motionary.corpus.sources import Source, open_sources
 from motionary.corpus.splits import SPLITS, split_clips
 from motionary.corpus.store import CAPTION_SCHEMA, CLIP_SCHEMA, MIRROR
@@ -57,7 +58,7 @@ def preprocess(
     sources = open_sources(config, root)
     workers = config.workers or os.cpu_count() or 1
     clips, problems = _list_clips(sources, config.strict)
-    clips = [_without(clip, config.source_weights) for clip in clips]
+    clips = with_shared_rigs([_without(clip, config.source_weights) for clip in clips], workers)
     if config.source == "demo" and config.split in ("combination", "subject"):
         # The demo's labels come with its motions, and these splits need them first.
         clips = list(_bar(in_order(clip_labels, [(clip,) for clip in clips], workers), clips, "labels", progress))

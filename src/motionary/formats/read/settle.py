@@ -82,6 +82,7 @@ def settle(
         chain: length of the rig's longest chain, by which a rig without known roles is scaled.
         usual: by "up" and "unit", log-odds in favour of what such files hold.
     """
+    such = _usual(usual or {}, {})
     usual = _usual(usual or {}, options.usual or {})
     told = tuple(name for name in ("up", "unit", "mirror", "skip_first") if getattr(options, name) is not None)
     body = None if {"up", "unit", "mirror"} <= set(told) else body_of(positions, roles, fps, rest)
@@ -104,7 +105,7 @@ def settle(
         told=told,
         probability={name: choice.probability for name, choice in choices.items()},
         seen={name: choice.seen for name, choice in choices.items()},
-        notes=tuple(_thin(choices) + _odd_size(body, scale, options)),
+        notes=tuple(_doubts(choices, such) + _odd_size(body, scale, options)),
     )
     standing = standing_axis(body) if rest is not None else None
     return Settled(reading, TURNS[up], TURNS[standing or up])
@@ -139,16 +140,19 @@ def _without_body(
     return Settled(reading, TURNS[up], TURNS[up])
 
 
-def _thin(choices: dict[str, Choice]) -> list[str]:
+def _doubts(choices: dict[str, Choice], such: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Where evidence is thin, or other files of the same rig decided against what this one shows."""
     found = []
     for name, choice in choices.items():
-        if choice.sure:
-            continue
-        if name == "mirror":
-            took = "left and right as named" if choice.value == "no" else "left and right swapped"
-        else:
+        alone = max(choice.seen, key=lambda value: choice.seen[value] + such[name].get(value, 0.0))
+        if alone != choice.value:
+            took = f"took {choice.value} as other files of its rig have it, where this one by itself would be {alone}"
+            found.append(f"{name}: {took} {_otherwise([name])}")
+        elif not choice.sure:
             took = f"{choice.value} as {name} (next: {choice.other})"
-        found.append(f"{name} is uncertain: took {took} with {choice.probability:.0%} {_otherwise([name])}")
+            if name == "mirror":
+                took = "left and right as named" if choice.value == "no" else "left and right swapped"
+            found.append(f"{name} is uncertain: took {took} with {choice.probability:.0%} {_otherwise([name])}")
     return found
 
 
