@@ -13,6 +13,7 @@ import motionary
 from motionary.corpus.demo import demo_clip
 from motionary.dictionary.dictionary import encode
 from motionary.errors import InputError
+from motionary.files import list_files
 from motionary.motion import Motion
 from motionary.systems.registry import TEXT_TO_MOTION
 
@@ -288,3 +289,17 @@ def test_no_training_code_is_loaded(pipeline):
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert run.stdout.strip() == "[]", run.stderr
+
+
+@pytest.mark.parametrize("name", ["data/corpus/frames.npy", "data/corpus/context.json", "models/retrieval/motions.npy"])
+def test_search_notices_a_flipped_bit(pipeline, tmp_path, name):
+    """Of whatever a run left that search reads; what no reading would notice is told by the list of the files."""
+    for part in ("data/corpus", "models/retrieval", "models/evaluator"):
+        shutil.copytree(pipeline / part, tmp_path / part)
+        list_files(tmp_path / part)
+    assert motionary.load(tmp_path / "models", device="cpu").search("a person walks", k=1)
+    data = bytearray((tmp_path / name).read_bytes())
+    data[-40] ^= 1
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError, match=rf"{name}: damaged.*run `dvc repro (preprocess|retrieval)`"):
+        motionary.load(tmp_path / "models", device="cpu").search("a person walks")

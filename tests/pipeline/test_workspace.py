@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from motionary import whole
 from motionary.corpus.token_store import TokenStore
 from motionary.errors import InputError
 from motionary.files import file_hash, list_files
-from motionary.pipeline import workspace
-from motionary.pipeline.workspace import Workspace, check_whole, content_hash
+from motionary.pipeline.workspace import Workspace, content_hash
+from motionary.whole import check_whole
 
 
 @pytest.fixture
@@ -120,7 +121,7 @@ def test_what_was_found_whole_is_read_once_until_it_changes(corpus, tmp_path, mo
         read.append(path.name)
         return file_hash(path)
 
-    monkeypatch.setattr(workspace, "file_hash", reading)
+    monkeypatch.setattr(whole, "file_hash", reading)
     check_whole(corpus, mark)
     assert sorted(read) == ["context.json", "frames.npy"]
     check_whole(corpus, mark)

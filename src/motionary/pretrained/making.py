@@ -30,6 +30,7 @@ from motionary.systems.registry import (
     judges,
 )  # fmt: skip
 from motionary.systems.serving import served_by
+from motionary.whole import check_output
 
 MOST_BYTES = 25_000_000
 CARD, SAMPLE = "CARD.md", "sample.npz"
@@ -68,7 +69,7 @@ def make_bundle(
         InputError: a system that is not there, no corpus, a folder that is no bundle in the way, or more than 25 MB.
     """
     out, run = _free(Path(out), force), load(models)
-    corpus = Corpus.open(run.models.parent / "data" / "corpus")
+    corpus = Corpus.open(check_output(run.models.parent, "data/corpus"))
     if bits not in BITS:
         raise InputError("bits", bits, f"must be one of {', '.join(map(str, BITS))}")
     left = set(without)

@@ -32,6 +32,7 @@ from motionary.motion import Motion
 from motionary.systems.io import choose_device, open_system
 from motionary.systems.protocols import TextToMotion
 from motionary.systems.registry import TEXT_TO_MOTION
+from motionary.whole import check_output
 
 REAL = "real"
 QUESTIONS: Mapping[str, tuple[str, bool]] = {  # the question, and whether the text is shown
@@ -142,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _write(options: argparse.Namespace) -> None:
-    items = Items(Corpus.open(options.root / "data" / "corpus"))
+    items = Items(Corpus.open(check_output(options.root, "data/corpus")))
     names, asked = (options.a, options.b), options.question
     found = make_comparisons(items, options.root / "models", *names, asked, options.texts, seed=options.seed)
     print(write_bytes(options.out, blinded_page(found, *names, asked)))

@@ -12,6 +12,7 @@ from motionary.report.players import make_examples
 from motionary.report.results import Results
 from motionary.report.style_players import make_styled
 from motionary.report.tables import summary
+from motionary.whole import check_output
 
 
 def build_report(
@@ -30,7 +31,7 @@ def build_report(
     folder = root / "data" / "corpus"
     if not folder.is_dir():
         return render(results, results.stages.get("preprocess"), facts=facts), summary(results)
-    corpus = Corpus.open(folder)
+    corpus = Corpus.open(check_output(root, "data/corpus"))
     shown, problems = make_examples(corpus, root / "models", list(results.systems), examples, seed, device)
     styled = make_styled(corpus, root / "models", seed, device)
     told = {"corpus": _corpus(corpus.report), **(facts or {})}

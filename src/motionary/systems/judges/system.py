@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from motionary.corpus.context import Context
 from motionary.errors import configure
 from motionary.systems.io import CATALOGUE, Trained
+from motionary.whole import check_output
 
 if TYPE_CHECKING:
     from motionary.systems.judges.action_evaluator import ActionEvaluator, ActionJudge
@@ -74,7 +75,7 @@ def open_retrieval(trained: Trained, name: str) -> Retrieval:
     from motionary.corpus.store import Corpus
     from motionary.systems.judges.corpus_search import Index, Retrieval
 
-    own = trained.folder / CATALOGUE
-    corpus = Corpus.open(own, motions=False) if own.is_dir() else Corpus.open(trained.folder.parent / "data" / "corpus")
-    index = Index.load(trained.path(name))
+    own, run = trained.folder / CATALOGUE, trained.folder.parent
+    corpus = Corpus.open(own, motions=False) if own.is_dir() else Corpus.open(check_output(run, "data/corpus"))
+    index = Index.load(check_output(run, f"{trained.folder.name}/{trained.path(name).name}"))
     return Retrieval(corpus, open_judge(trained, index.judge), index)

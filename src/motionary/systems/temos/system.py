@@ -9,6 +9,7 @@ from motionary.corpus.context import Context
 from motionary.errors import configure
 from motionary.systems.io import Trained, model_hash, open_system
 from motionary.systems.registry import TEXT_TO_LENGTH
+from motionary.whole import check_output
 
 if TYPE_CHECKING:
     from motionary.systems.temos.joint_space import JointSearch, JointSpace
@@ -47,5 +48,6 @@ def open_joint_search(trained: Trained, name: str) -> JointSearch:
     """Search of the corpus beside the folder of models."""
     from motionary.systems.temos.joint_space import JointSearch, LatentIndex
 
-    index = LatentIndex.load(trained.path(name), name)
-    return JointSearch(trained.folder.parent / "data" / "corpus", open_joint_space(trained, name), index)
+    run, own = trained.folder.parent, trained.path(name)
+    index = LatentIndex.load(check_output(run, f"{trained.folder.name}/{own.name}"), name)
+    return JointSearch(check_output(run, "data/corpus"), open_joint_space(trained, name), index)
