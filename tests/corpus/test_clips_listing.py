@@ -67,15 +67,16 @@ def test_a_line_in_another_encoding_spoils_no_other(tmp_path, folder_of):
 
 
 def test_unknown_keys_are_said_once_with_the_nearest_known_one(tmp_path, folder_of):
-    slips = {"caption": "a walk", "notes": 1}
+    slips = {"caption": "a walk", "notes": 1, "UP": "z"}
     folder_of(
         tmp_path, [line("first", "a walk") | slips, line("good") | slips | {"captions": [{"text": "x y", "strat": 0}]}]
     )
     clips, problems = listed(tmp_path)
     assert len(clips) == 2
     said = {problem.value: f"{problem.what}: {problem.rule}" for problem in problems}
-    assert sorted(said) == ["caption", "notes", "strat"]
+    assert sorted(said) == ["UP", "caption", "notes", "strat"]
     assert "did you mean 'captions'?" in said["caption"]
+    assert "did you mean 'up'?" in said["UP"]
     assert "did you mean" not in said["notes"]
     assert "did you mean 'start'?" in said["strat"]
     assert "clips.jsonl:1" in said["caption"]

@@ -6,12 +6,16 @@ import json
 from pathlib import Path
 
 import numpy as np
+from postures import POSTURES, person, points, written
 
 from motionary.archive.indexing import index_folder
+from motionary.corpus.config import DataConfig
 from motionary.corpus.demo import demo_clip
+from motionary.corpus.originals import Originals
 from motionary.corpus.preprocess import preprocess
 from motionary.corpus.shared_rigs import pooled, with_shared_rigs
 from motionary.corpus.sources import FolderSource
+from motionary.corpus.store import Corpus
 from motionary.dictionary.places import PACKAGED
 
 
@@ -32,8 +36,8 @@ def folder(path: Path, walkers: int, others: dict[str, np.ndarray]) -> Path:
     path.mkdir()
     for i in range(walkers):
         np.save(path / f"walker{i}.npy", z_up(demo_clip(i)[0].positions))
-    for name, points in others.items():
-        np.save(path / f"{name}.npy", points)
+    for name, joints in others.items():
+        np.save(path / f"{name}.npy", joints)
     return path
 
 
@@ -61,6 +65,38 @@ def test_a_file_that_tells_little_follows_the_others(tmp_path):
 def test_a_file_that_tells_much_stays(tmp_path):
     root = folder(tmp_path / "suit", 4, {"other": demo_clip(7)[0].positions})
     assert axes(root) == {**{f"walker{i}": "z" for i in range(4)}, "other": "y"}
+
+
+def test_a_folder_that_mixes_axes_decides_nothing(tmp_path):
+    root = folder(tmp_path / "suit", 4, {"askew": leaning(60)})
+    for i in range(4, 8):
+        np.save(root / f"walker{i}.npy", demo_clip(i)[0].positions)
+    assert axes(root)["askew"] == axes(root, shared=False)["askew"] == "-y"
+
+
+def test_recorded_frames_are_read_as_the_corpus_was(tmp_path):
+    """Who lies on the belly looks, alone, as if on the back in a world that is z up; the corpus is at another rate."""
+    name = "lies on the belly"
+    for posture in POSTURES:
+        (tmp_path / f"{posture}.bvh").write_text(written(*person(posture), "y", "z"))
+    assert axes(tmp_path, shared=False)[name] == "z"
+    values = {
+        "source": "folder",
+        "roots": [str(tmp_path)],
+        "workers": 1,
+        "min_seconds": 1.0,
+        "fps": 10,
+        "mirror": False,
+    }
+    config = DataConfig.from_mapping(values)
+    preprocess(config, tmp_path / "out", progress=False)
+    corpus = Corpus.open(tmp_path / "out")
+    rows = np.flatnonzero(~corpus.clips.mirrored)
+    row = next(i for i in rows if corpus.clips.origin[i].endswith(name))
+    tall = np.ptp(points(*person(name))[..., 1])
+    for motion in (corpus.motion(row), Originals(corpus, config, tmp_path).motion(row)):
+        assert motion is not None
+        assert abs(np.ptp(motion.positions[..., 1]) - tall) < 0.05
 
 
 def test_what_the_user_says_stays(tmp_path):

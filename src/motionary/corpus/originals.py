@@ -8,6 +8,7 @@ from pathlib import Path
 
 from motionary.corpus.clips import Clip
 from motionary.corpus.config import DataConfig
+from motionary.corpus.shared_rigs import with_shared_rigs
 from motionary.corpus.sources import open_sources
 from motionary.corpus.store import Corpus
 from motionary.corpus.workers import without_bind_pose
@@ -29,7 +30,8 @@ class Originals:
 
     @cached_property
     def _clips(self) -> dict[str, Clip]:
-        return {clip.id: clip for source in open_sources(self.config, self.base) for clip in source.clips()[0]}
+        clips = [clip for source in open_sources(self.config, self.base) for clip in source.clips()[0]]
+        return {clip.id: clip for clip in with_shared_rigs(clips)}
 
     def motion(self, row: int) -> Motion | None:
         """Window `row` on the corpus's skeleton, from its first to its last frame at the source's rate, canonical; None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +23,8 @@ from motionary.formats.read.reading_options import ReadingOptions
 FEWEST = 3  # files of a rig from which on they count
 _READ = 8  # files of a rig that are looked at, spread over all
 _MOST = 5.0  # log-odds at most: about one file in 150 is of another program
+_MUCH = 3.0  # log-odds by which a file is sure of itself: 95% against one other value
+_AGREE = 0.8  # share of those files that must agree
 _HEADER = 1 << 20  # bytes of a BVH among which its hierarchy is looked for
 _JOINT = re.compile(rb"^\s*(?:ROOT|JOINT)\s+(.+?)\s*$", re.MULTILINE)
 
@@ -55,15 +57,20 @@ def with_shared_rigs(clips: Sequence[Clip], workers: int = 1) -> list[Clip]:
 
 def pooled(seen: Sequence[Seen]) -> dict[str, dict[str, float]]:
     """What several files show together: sums of log-odds, 0 for the best and -`_MOST` at least; whole numbers, so that
-    one more file seldom changes them."""
+    one more file seldom changes them. Options of which those that tell much do not agree are left out: the folder mixes
+    axes or units."""
     sums: defaultdict[str, defaultdict[str, float]] = defaultdict(lambda: defaultdict(float))
+    verdicts: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for file in seen:
         for option, scores in file.items():
             for value, score in scores.items():
                 sums[option][value] += score
+            best, second = sorted(scores, key=lambda value: -scores[value])[:2]
+            verdicts[option][best] += scores[best] - scores[second] > _MUCH
     return {
         option: {value: max(float(round(score - max(scores.values()))), -_MOST) for value, score in scores.items()}
         for option, scores in sums.items()
+        if max(verdicts[option].values()) >= _AGREE * verdicts[option].total()
     }
 
 

@@ -23,7 +23,11 @@ _WRITTEN = 5e-4  # metres; where rotations miss a joint by more, a file gets tha
 
 
 def to_motion(
-    track: Track, fps: float, file: object, options: ReadingOptions, metres: bool = False
+    track: Track,
+    fps: float,
+    file: object,
+    options: ReadingOptions,
+    usual: Mapping[str, Mapping[str, float]] | None = None,
 ) -> tuple[Motion, Reading]:
     """Metres, y up, without placement nodes and without a T-pose put before the motion; and how that was decided.
 
@@ -32,7 +36,8 @@ def to_motion(
         fps: frames per second.
         file: its name, for errors.
         options: what the user says; a mapping counts before anything is measured.
-        metres: whether the format has this unit, so that a rig without known roles is not scaled by its size.
+        usual: by "up", "unit" and "mirror", log-odds in favour of what files of a format with such rules hold, which
+            is in metres, so that a rig without known roles is not scaled by its size.
 
     Raises:
         InputError: a mapping does not fit, or the result is not a valid motion.
@@ -46,7 +51,8 @@ def to_motion(
     resting = np.zeros_like(rest)
     for j, p in enumerate(track.parents[1:], 1):
         resting[j] = resting[p] + rest[j]
-    settled = settle(positions, roles, fps, options, resting, None if metres else _longest_chain(track, rest))
+    chain = _longest_chain(track, rest) if usual is None else None
+    settled = settle(positions, roles, fps, options, resting, chain, usual)
     settled = with_roles(settled, source, notes)
     reading, rotations = settled.reading, track.rotations
     for some in stretches(len(positions)):

@@ -8,82 +8,18 @@ import warnings
 
 import numpy as np
 import pytest
-from turned import ONTO, RESTS, SCALES, Case, bvh_text, cases, rest_frames
+from postures import POSTURES, SMPL, person, points, written
+from turned import ONTO, RESTS, SCALES, Case, cases
 
 from motionary.errors import InputError, InputWarning
 from motionary.formats import read_motion
 from motionary.formats.measure import AXES, body_of
 from motionary.formats.measure.up import _falls
 from motionary.formats.read import read_motion_with
-from motionary.motion import Motion, Skeleton
-from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
+from motionary.motion import Motion
+from motionary.motion.rotations import quat_action
 
-SMPL = Skeleton.named("smpl22")
 CLIPS = int(os.environ.get("MOTIONARY_CLIPS", "24"))  # `make measured` takes all 200
-
-
-def turn(axis: int, degrees: float | np.ndarray) -> np.ndarray:
-    """Quaternions about one axis."""
-    half = np.radians(np.asarray(degrees, np.float64)) / 2
-    result = np.zeros((*half.shape, 4))
-    result[..., axis], result[..., 3] = np.sin(half), np.cos(half)
-    return result
-
-
-# Root height (m), tilt of the trunk about x, and bends about x of hips and knees; arms are lowered and swing.
-POSTURES = {
-    "stands": (0.9, 0, 0, 0),
-    "bows": (0.88, 60, -60, 0),
-    "pushes": (0.85, 40, -25, 10),
-    "sits on a chair": (0.5, 0, -90, 90),
-    "sits on the floor": (0.1, 0, -90, 0),
-    "crawls": (0.45, 90, -90, 90),
-    "lies on the back": (0.12, -90, 0, 0),
-    "lies on the belly": (0.12, 90, 0, 0),
-}
-
-
-def person(posture: str, frames: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """World rotations (T, 22, 4) and root (T, 3) of a person who moves the arms, y up, in metres."""
-    height, tilt, hip, knee = POSTURES[posture]
-    swing = 20 * np.sin(np.linspace(0, 6, frames))
-    local = np.tile([0.0, 0, 0, 1], (frames, 22, 1))
-    local[:, 0] = turn(0, tilt)
-    for joint, name in enumerate(SMPL.joints):
-        side = 1 if name.startswith("left") else -1
-        if name.endswith("hip"):
-            local[:, joint] = turn(0, hip)
-        elif name.endswith("knee"):
-            local[:, joint] = turn(0, knee + 3.0)
-        elif name.endswith("shoulder"):
-            forward = -90 if posture in ("crawls", "pushes") else 0
-            local[:, joint] = quat_product(turn(0, forward + swing * side), turn(2, np.full(frames, -75.0 * side)))
-        elif name.endswith("elbow"):
-            local[:, joint] = turn(1, np.full(frames, -25.0 * side))
-    for joint, parent in enumerate(SMPL.parents[1:], 1):
-        local[:, joint] = quat_product(local[:, parent], local[:, joint])
-    root = np.stack([0.3 + 0.002 * np.arange(frames), np.full(frames, height), 0.4 + 0 * swing], -1)
-    return local, root
-
-
-def points(world: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """(T, 22, 3) joints."""
-    positions = np.zeros((*world.shape[:2], 3))
-    positions[:, 0] = root
-    for joint, parent in enumerate(SMPL.parents[1:], 1):
-        positions[:, joint] = positions[:, parent] + quat_action(world[:, parent], SMPL.offsets[joint].astype(float))
-    return positions
-
-
-def written(world: np.ndarray, root: np.ndarray, up: str, rest: str, scale: float = 100) -> str:
-    """The person as a BVH file with another axis up and another rest pose."""
-    frames = rest_frames(SMPL, rest)
-    offsets = SMPL.offsets.astype(np.float64)
-    for joint, parent in enumerate(SMPL.parents[1:], 1):
-        offsets[joint] = quat_action(quat_conjugation(frames[parent]), offsets[joint])
-    onto = np.broadcast_to(np.array(ONTO[up]), world.shape)
-    world = quat_product(quat_product(onto, world), np.broadcast_to(frames, world.shape))
-    return bvh_text(SMPL, offsets * scale, quat_action(np.array(ONTO[up]), root) * scale, world)
 
 
 @pytest.mark.parametrize("rest", RESTS)
@@ -161,6 +97,16 @@ def test_options_stand_in_a_mapping_file_too(tmp_path):
         (tmp_path / "map.json").write_text(json.dumps(wrong))
         with pytest.raises(InputError, match=r"map\.json"):
             read_motion(tmp_path / "a.bvh", tmp_path / "map.json")
+
+
+def test_a_unit_that_was_given_and_fits_nobody_is_said(tmp_path):
+    (tmp_path / "a.bvh").write_text(written(*person("stands"), "y", "t"))
+    motion, reading = read_motion_with(tmp_path / "a.bvh", unit="m")
+    assert np.ptp(motion.positions[0, :, 1]) > 100
+    assert any("with the unit that was given" in note for note in reading.notes)
+    assert not read_motion_with(tmp_path / "a.bvh", unit="cm")[1].notes
+    with pytest.raises(InputError, match="unit: True"):
+        read_motion(tmp_path / "a.bvh", unit=True)
 
 
 def test_a_mapping_against_the_tree_is_said(tmp_path):

@@ -17,6 +17,7 @@ from motionary.errors import InputError
 from motionary.formats.animated_rig import Track, unique_names
 from motionary.formats.gltf_channels import Channel, channels_of, rate_of
 from motionary.formats.gltf_file import GltfFile
+from motionary.formats.measure.unit import USUAL as UNIT_USUAL
 from motionary.formats.read.extent import check_extent
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.tracks import to_motion
@@ -33,7 +34,7 @@ from motionary.motion.skeleton import MOST_JOINTS
 
 _OURS = ReadingOptions(up="y", unit=1.0, mirror=False, skip_first=False)
 # By the format's definition y is up and units are metres; converters of other formats do not always care.
-_USUAL = ReadingOptions(usual={"up": {"y": 2.0}, "unit": {"m": 2.0}, "mirror": {"no": 1.0}})
+_USUAL = {"up": {"y": 3.0, "z": 0.5}, "unit": UNIT_USUAL | {"m": 2.0}, "mirror": {"no": 2.0}}
 _STILL = 1e-6  # of a translation's size
 _UNEVEN = 1e-3
 
@@ -70,7 +71,7 @@ def gltf_with(
     notes += _uneven(file, joints, channels)
     track = _track(file, joints, channels, times, rate, ours)
     del file, channels
-    motion, reading = to_motion(track, rate, path, options.over(_OURS if ours else _USUAL), metres=True)
+    motion, reading = to_motion(track, rate, path, options.over(_OURS) if ours else options, _USUAL)
     return motion, replace(reading, notes=(*notes, *reading.notes))
 
 

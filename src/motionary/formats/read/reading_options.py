@@ -67,6 +67,8 @@ class ReadingOptions:
     @property
     def scale(self) -> float:
         """Metres per unit; not above 0 where the unit is wrong."""
+        if isinstance(self.unit, bool):
+            return 0.0
         if isinstance(self.unit, str) and self.unit.lower() in UNITS:
             return UNITS[self.unit.lower()]
         try:
@@ -156,5 +158,5 @@ class Reading:
 
 def nearest_key(key: str, known: Iterable[str]) -> str:
     """ "; did you mean 'x'?", or nothing where no known key is near."""
-    near = get_close_matches(key, list(known), 1, 0.6)
+    near = get_close_matches(key.lower(), list(known), 1, 0.6)
     return f"; did you mean {near[0]!r}?" if near else ""

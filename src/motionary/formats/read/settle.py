@@ -69,7 +69,7 @@ def settle(
     options: ReadingOptions,
     rest: np.ndarray | None = None,
     chain: float | None = None,
-    usual: dict[str, dict[str, float]] | None = None,
+    usual: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Settled:
     """Decide up, unit and handedness.
 
@@ -157,9 +157,11 @@ def _doubts(choices: dict[str, Choice], such: Mapping[str, Mapping[str, float]])
 
 
 def _odd_size(body: BodyFrame, scale: float, options: ReadingOptions) -> list[str]:
-    if options.unit is not None or plausible(body.size * scale) > -6:
+    if plausible(body.size * scale) > -6:
         return []
     tall = body.size * scale * 1.32
+    if options.unit is not None:
+        return [f"a body of about {tall:.2g} m, with the unit that was given"]
     return [f"a body of about {tall:.2g} m fits no unit; took {scale:.4g} m a unit {_otherwise(['unit'])}"]
 
 
