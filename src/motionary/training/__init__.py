@@ -1,1 +1,1 @@
-"""Training: the one loop, its settings, checkpoints, tracking, and what every pipeline stage shares."""
+"""Training: the one loop, its settings, learning rates, checkpoints and devices."""

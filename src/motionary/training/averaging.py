@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 
 class WeightAverage:
-    """Exponential moving average of what is trained of a model; a decay of 0 is off.
+    """Exponential moving average of a model's trainable weights; a decay of 0 turns it off.
 
     Attributes:
         values: the averages by parameter name; empty where it is off.

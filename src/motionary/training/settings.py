@@ -23,25 +23,8 @@ DATA_KEYS = ("window", "drop_unit", "balance", "every_caption")
 
 @dataclass(frozen=True)
 class TrainSettings:
-    """Settings of :func:`motionary.training.loop.fit`, the same for every system.
-
-    Attributes:
-        steps: optimizer steps in total, where `epochs` is 0.
-        epochs: passes over the training split in place of steps; see :meth:`over`.
-        batch_size: items per step and process.
-        learning_rate: peak rate of AdamW.
-        weight_decay: decoupled weight decay.
-        max_grad_norm: largest gradient norm; 0 leaves gradients alone.
-        warmup_steps: steps of linear warm-up from zero.
-        schedule: "constant", or "cosine" to fall to a hundredth of the peak at the last step.
-        scale_rate: what several processes, whose common batch is as many times larger, do to the rate: "none",
-            "linear" or "sqrt".
-        validate_every: steps between validations (and checkpoints); 0 is an epoch.
-        patience: validations without improvement after which training stops early; 0 never stops and keeps the
-            last weights, otherwise the best ones are kept.
-        ema_decay: decay of the exponential moving average of the weights that is validated and kept; 0 is off.
-        log_every: steps between logged training values.
-    """
+    """Settings of :func:`motionary.training.loop.fit`, the same for every system; conf/shared/training.yaml explains
+    each."""
 
     steps: int
     batch_size: int
