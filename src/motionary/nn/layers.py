@@ -19,7 +19,7 @@ SPREAD = 0.4  # root mean square of a word vector's entries, about that of GloVe
 
 
 class Normalizer(nn.Module):
-    """z-scores with the training split's statistics; they are saved with the weights, so use equals training."""
+    """z-scores with the training split's statistics, which are saved with the weights and so are the same in use."""
 
     mean: Tensor
     std: Tensor
@@ -121,7 +121,7 @@ class TextEncoder(nn.Module):
         return self.recurrent(self._read(ids, tags), count)
 
     def sentence(self, ids: Tensor, tags: Tensor | None, count: Tensor) -> Tensor:
-        """The sentence feature alone, for less."""
+        """The sentence feature (B, 2h) alone, which costs less than :meth:`forward`."""
         return self.recurrent.last(self._read(ids, tags), count)
 
     def _read(self, ids: Tensor, tags: Tensor | None) -> Tensor:

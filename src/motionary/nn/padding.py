@@ -20,7 +20,7 @@ def pad(features: Sequence[np.ndarray], kind: DTypeLike = np.float32) -> tuple[t
 
 
 def by_length(lengths: Sequence[int], batch_size: int, progress: str | None = None):
-    """Positions in batches of similar length, shortest first."""
+    """Yields indices into `lengths`, at most `batch_size` of similar length at a time, shortest first."""
     order = np.argsort(lengths, kind="stable")
     starts = range(0, len(order), batch_size)
     for start in tqdm(starts, desc=progress, disable=progress is None, unit="batch"):

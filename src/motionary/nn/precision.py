@@ -14,7 +14,7 @@ def full_precision(like: Tensor) -> torch.autocast:
 
 
 def narrow_type(like: Tensor) -> torch.dtype | None:
-    """The type of matrix products on the device of `like` at this place, or None where they keep their own."""
+    """The type that the active autocast gives matrix products on the device of `like`, None where there is none."""
     kind = like.device.type
     return torch.get_autocast_dtype(kind) if torch.is_autocast_enabled(kind) else None
 

@@ -144,8 +144,8 @@ class Quantizer(nn.Module):
 
 
 def nearest_code(latents: Tensor, codebook: Tensor) -> Tensor:
-    """(..., d), (K, d) -> (...) index of the nearest entry, by distances of 32 bits: with fewer, one code in 25 is
-    another."""
+    """(..., d), (K, d) -> (...) index of the nearest entry. Distances are computed in 32 bits: with fewer, one code in
+    25 comes out different."""
     flat = widened(latents.reshape(-1, latents.shape[-1]))
     with full_precision(flat):
         distance = codebook.square().sum(1) - 2 * flat @ codebook.t()

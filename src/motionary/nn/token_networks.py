@@ -13,7 +13,7 @@ from motionary.nn.precision import widened
 
 @dataclass(frozen=True)
 class TokenSettings:
-    """What every tokenizer of these networks is told; the conf file of each explains the keys."""
+    """Settings that all tokenizers made of these networks share; the conf file of each explains the keys."""
 
     codebook_size: int = 512
     code_dim: int = 128
