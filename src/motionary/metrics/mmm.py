@@ -17,6 +17,6 @@ JOINTS = {
 
 
 def mmm_joints(skeleton: Skeleton) -> list[int]:
-    """Places of those of the table's joints that a skeleton has, in the table's order; none for other names."""
+    """Indices in the skeleton of the joints of Table A.6, in its order; joints that the skeleton lacks are left out."""
     place = {name: joint for joint, name in enumerate(skeleton.joints)}
     return [place[name] for name in JOINTS.values() if name in place]

@@ -85,7 +85,7 @@ def position_errors(
 def sample_errors(
     predicted: Motion, target: Motion, joints: Sequence[int] | None = None, factor: float = 1.0
 ) -> np.ndarray:
-    """(8,) the errors of one sample in the order of :class:`PositionErrors` (TEMOS Eq. 4-6).
+    """(8,) errors of one sample in the order of :class:`PositionErrors`, metres and square metres (TEMOS Eq. 4-6).
 
     Args:
         predicted, target: canonical motions of as many frames and the same joints.
