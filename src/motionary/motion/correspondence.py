@@ -1,4 +1,4 @@
-"""Which joint of one rig is which of another, and where those are that the other has not."""
+"""Which joint of one rig corresponds to which of another, and a guess at where joints lie that the source lacks."""
 
 from __future__ import annotations
 

@@ -21,12 +21,12 @@ _ON_THE_SPOT = 0.5  # metres: a loop that goes less far comes back to where it b
 def fitted(piece: Motion, before: Motion | None = None, after: Motion | None = None) -> Motion:
     """A piece that goes on from what is before it and leads into what is after it.
 
-    It is put where the one before ends, as a whole; where that does not lead to the one after, its way bends. The pose
-    and its speed are taken up within a quarter of a second.
+    The piece is moved as a whole to where `before` ends. If it then does not lead to `after`, its path over the ground
+    is bent. Within a quarter of a second its pose and speed blend into those of its neighbours.
 
     Args:
-        piece: with rotations, as all.
-        before, after: on the same skeleton, at the same rate; where they are, and how, is kept.
+        piece: with rotations, as all three must be.
+        before, after: on the same skeleton, at the same rate; they are only read.
     """
     if before is not None:
         end = extrapolated(before, 0, 1)

@@ -96,8 +96,8 @@ def pinned(motion: Motion, frames: list[int], poses: Motion) -> Motion:
 def touching(motion: Motion, frames: list[int], positions: np.ndarray) -> Motion:
     """The motion whose joints are at positions (K, J, 3) at K frames, without rotations.
 
-    What another body's pose leaves to be made up (bones of other lengths, another breadth of hips and shoulders) fades
-    over a quarter of a second; meanwhile bones give by as much.
+    The correction fades over a quarter of a second around each frame. Where the positions are another body's (other
+    bone lengths, wider hips or shoulders), bones stretch by the difference meanwhile.
     """
     left = np.zeros((motion.frames, motion.positions[0].size))
     left[frames] = (positions.astype(np.float64) - motion.positions[frames]).reshape(len(frames), -1)
@@ -106,14 +106,14 @@ def touching(motion: Motion, frames: list[int], positions: np.ndarray) -> Motion
 
 
 def _faded(values: np.ndarray, frames: list[int], reach: float) -> np.ndarray:
-    """(T, K) what is given at some frames, going to nothing within `reach` frames."""
+    """(T, K) corrections that are given at some frames and fade to zero within `reach` frames of each."""
     stiffness, weights = reach**4, np.ones(len(values))
     weights[frames] = _FIRM * max(stiffness, 1)
     return smoothest(values, weights, stiffness)
 
 
 def _led(values: np.ndarray, frames: list[int]) -> np.ndarray:
-    """(T, K) the smoothest curve through what is given at some frames; the ends hold what is next to them."""
+    """(T, K) the smoothest curve through values given at some frames, constant before the first and after the last."""
     weights = np.full(len(values), 1e-9)
     weights[frames] = 1e3
     values = values.copy()

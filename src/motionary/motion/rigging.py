@@ -146,7 +146,7 @@ def _standing_pose(skeleton: Skeleton, local: np.ndarray) -> np.ndarray:
 
 
 def _uprightness(points: np.ndarray, skeleton: Skeleton) -> np.ndarray:
-    """(T,) how much each pose (T, J, 3) is one of standing: legs straight below an upright trunk, arms down."""
+    """(T,) how well each pose (T, J, 3) shows standing: legs straight below an upright trunk, arms down."""
     roles = skeleton.roles
 
     def along(begin: str, end: str) -> np.ndarray:
@@ -200,7 +200,7 @@ def _carried(turned: np.ndarray, skeleton: Skeleton, ours: _Common, rig: Rig, th
 
 
 def _turn_of(role: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
-    """(T, 3, 3) turns of a role; of one that the source has not, half-way between its neighbors in the trunk."""
+    """(T, 3, 3) turns of a role; where the source lacks it, half-way between those of its neighbours in the trunk."""
     if role in known:
         return known[role]
     part = role.split("_")[-1]

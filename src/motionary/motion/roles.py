@@ -94,7 +94,7 @@ def _across(role: str) -> str:
 
 
 def names_by_role(joints: Sequence[str], known: Mapping[str, int], given: Mapping[str, int]) -> list[str]:
-    """The joints' names with those that play a role called by it: the roles given, and the known ones beside them."""
+    """The joints' names, where a joint that plays a role is named after it: by `given` roles first, then by `known`."""
     roles = {role: joint for role, joint in known.items() if joint not in given.values()} | dict(given)
     # A joint without a role may bear the name of one.
     names = [f"{joint} (other)" if joint in roles else joint for joint in joints]
@@ -150,13 +150,13 @@ def load_mapping(given: Path | str | Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 class FileMapping(dict[str, str]):
-    """Joint name by role, read from a file, which complaints name."""
+    """Joint name by role, with the file that it was read from, which error messages name."""
 
     where = "mapping"
 
 
 def _called(given: Path | str | Mapping[str, str]) -> str:
-    """How complaints name a mapping."""
+    """How error messages name a mapping."""
     return getattr(given, "where", "mapping") if isinstance(given, Mapping) else str(given)
 
 

@@ -26,12 +26,12 @@ def speeds(points: np.ndarray, fps: float) -> np.ndarray:
 
 
 def heights(points: np.ndarray) -> np.ndarray:
-    """(T, N) metres of points (T, N, 3) above where each is when it stands, the 5th percentile of its heights."""
+    """(T, N) height in metres of points (T, N, 3) over their own standing height, the 5th percentile of each."""
     return points[..., 1] - np.percentile(points[..., 1], 5, axis=0)
 
 
 def grip(points: np.ndarray, fps: float, scale: float, fast: float) -> np.ndarray:
-    """(T, N) from 0 to 1, how much each point is one that the body stands on: low, and slow against `fast` m/s."""
+    """(T, N) from 0 to 1, how likely the body stands on each point (T, N, 3): low, and slow against `fast` m/s."""
     low, slow = np.maximum(heights(points), 0) / (_RISEN * scale), speeds(points, fps).max(0) / (fast * scale)
     return np.exp(-np.square(low) * 2 - np.square(slow))
 

@@ -90,7 +90,7 @@ class _Tree:
         return tuple(found)
 
     def path(self, top: int, joint: int) -> list[int]:
-        """Joints from below `top` down to `joint`, both named joints at its ends left out and in."""
+        """Joints on the way from `top`, which is left out, down to `joint`, which is included."""
         found = []
         while joint not in (top, -1):
             found.append(joint)
