@@ -119,7 +119,7 @@ def roles(folder: str | Path) -> dict[str, Any]:
 
 
 def _again(path: Path) -> str:
-    """What makes a model anew, as the end of a message; "" where no stage of ours does."""
+    """The command that makes a model again, as the end of a message; "" where no stage of this project does."""
     # Members and settings of a system lie below its folder; another package's system has no stage of ours.
     stages = (part for part in reversed(path.parts) if part in known() and not known()[part].package)
     return next((f"; run `dvc repro {stage}`" for stage in stages), "")

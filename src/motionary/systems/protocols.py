@@ -103,10 +103,10 @@ class MotionToText(Protocol):
             n: captions per motion, best first.
             seeds: one per motion, of whatever is drawn for it (0 where not given).
             temperature: draw the captions at this temperature instead.
-            consensus: draws of which that one is the caption which agrees best with all (minimum Bayes risk); 0 is beam
-                search alone (the paper's).
+            consensus: number of captions to draw; the answer is the one that agrees best with all of them (minimum
+                Bayes risk). 0 is beam search alone (the paper's).
             source: whose wording, one of `sources`; None is the usual one.
-            quick: as little work as it can: of several networks one, of several readings of a motion one.
+            quick: do as little work as possible: use one network of several, and read a motion once.
 
         Returns:
             for each motion, its captions: words joined by spaces, normalized or as people write them.

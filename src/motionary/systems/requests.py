@@ -1,4 +1,4 @@
-"""What every generator does with the texts that it is asked for."""
+"""Checks and encodes the texts, seeds and lengths that a generator is called with."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ class Trainable(nn.Module, ABC):
 
     @abstractmethod
     def loss(self, batch: Batch, progress: float, generator: torch.Generator) -> Loss:
-        """What is made small, and values to log.
+        """The scalar that training minimizes, and values to log.
 
         Args:
             batch: on the network's device.

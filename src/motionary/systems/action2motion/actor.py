@@ -38,7 +38,7 @@ class Actor:
         return self._model(variant, ()).config.labels
 
     def starts_from_pose(self, variant: str) -> bool:
-        """Whether a variant needs at least a first pose: it draws nothing, so that one label gave one motion."""
+        """Whether a variant needs at least a first pose, as the baseline does, which draws nothing."""
         return not self._model(variant, ()).latent
 
     def act(
@@ -56,8 +56,8 @@ class Actor:
             plans: actions and their frames. The label switches where the next action begins (Fig. 3.13); the time
                 counter goes on over the whole motion.
             seeds: one for each.
-            starts: joints (K, J, 3) that stand at the beginning and are gone on from (Fig. 3.14), before the plan's
-                frames; the latents of their frames are the posterior's.
+            starts: joints (K, J, 3) in metres that each motion begins with and continues (Fig. 3.14). They come before
+                the plan's frames, and the latents of their frames are the posterior's.
             variant: which model; None takes the usual one that knows the actions.
             scale: of the body. Kinematics are linear in bone lengths, so that the whole motion is scaled.
 

@@ -102,8 +102,8 @@ class Action2Motion(Trainable):
     def loss(self, batch: ActedBatch, progress: float, generator: torch.Generator) -> Loss:
         """Eq. 3.10 of the motions with a known label; its sums over time are means over valid frames.
 
-        A coin for each sequence says whether it reads true poses or its own, which are read without gradient: so they
-        are made first, and everything else is one pass over whole sequences.
+        A coin is thrown for each sequence: it reads either true poses or its own. Its own are read without gradient, so
+        they are generated first, and everything else is one pass over whole sequences.
         """
         labels = batch.fine if self.config.fine else batch.action
         known = labels >= 0

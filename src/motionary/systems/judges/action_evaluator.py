@@ -125,7 +125,8 @@ class ActionJudge:
 
     @torch.no_grad()
     def judge(self, motions: Sequence[np.ndarray], kind: str = "coarse") -> tuple[np.ndarray, np.ndarray]:
-        """Logits (N, classes) and features (N, dim) of joints (T, J, 3) each, from above the origin facing +z on."""
+        """Logits (N, classes) and features (N, dim) of motions, each joints (T, J, 3) in metres that start above the
+        origin and face +z."""
         found: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0), np.zeros(0))] * len(motions)
         for rows in by_length([len(m) for m in motions], self.batch_size):
             flat, frames = pad([motions[i].reshape(len(motions[i]), -1) for i in rows])

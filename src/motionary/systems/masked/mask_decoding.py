@@ -114,7 +114,7 @@ def _residual(
         codebook = model.codebooks[level]
 
         def scores(x: Tensor, *rest, level: int = level, codebook: Tensor = codebook) -> Tensor:
-            """Of the layer's codes."""
+            """Log-probabilities (B, S, K) of the layer's codes."""
             return network.logits(network(x, level, *rest), level, codebook).log_softmax(-1)
 
         drawn = _choose(guided(scores, so_far, count), noise[:, level - 1], drawing.detail)

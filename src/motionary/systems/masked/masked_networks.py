@@ -32,7 +32,7 @@ class Text:
     state_count: Tensor
 
     def twice(self) -> Text:
-        """Each sentence once more behind all of them."""
+        """The batch twice over: all B sentences, then the same B again."""
         tags = None if self.tags is None else torch.cat((self.tags, self.tags))
         words, count, states, state_count = (
             torch.cat((x, x)) for x in (self.words, self.word_count, self.states, self.state_count)

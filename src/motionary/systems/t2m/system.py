@@ -41,7 +41,7 @@ def build_text2motion(settings: Mapping[str, Any], context: Context, trained: Tr
 
 
 def open_codec(trained: Trained, name: str) -> MotionCodec:
-    """The trained autoencoder, or text2motion's, whose decoder was trained on."""
+    """The trained autoencoder; for text2motion its own copy, whose decoder was trained further."""
     return trained.load(name)
 
 

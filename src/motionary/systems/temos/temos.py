@@ -112,7 +112,7 @@ class Temos(Trainable):
         return self.motion(self.normalizer(raw), frames)
 
     def encode_text(self, text: Tensor, count: Tensor) -> Gaussian:
-        """phi^T of a language model's states (B, N, d), or of its token ids (B, N) where it was trained on."""
+        """phi^T of a language model's states (B, N, d), or of its token ids (B, N) where that model is trained too."""
         if self.language is not None:
             text = self.language(input_ids=text, attention_mask=length_mask(count, text.shape[1])).last_hidden_state
         return self.text(text.to(self.normalizer.mean.dtype), count)  # states are stored as float16

@@ -34,7 +34,7 @@ def training_data(model: Temos, corpus: Corpus, features: Path, texts: Path, dev
         model: whose config says what is read.
         corpus: with captions; a split without any is an InputError.
         features, texts: folders of what is made once and then read as memory maps: every window's features, and the
-            states of every caption's tokens by the frozen language model (their ids where it is trained on).
+            states of every caption's tokens by the frozen language model (the token ids where it is trained too).
         device: of the language model.
     """
     config = model.config

@@ -102,7 +102,7 @@ class Captioner:
         return [model.start(*model.tagged(*model.embed_tokens(tokens, count), tag)) for model in self.members]
 
     def _readings(self, motion: np.ndarray) -> list[np.ndarray]:
-        """A motion (T, D) from each of its starts, none of which cuts into a last unit."""
+        """The motion (T, D) from its first, second, ... frame on, `offsets` times; each keeps at least one unit."""
         latest = max(0, len(motion) - self.context.unit)
         return [motion[min(start, latest) :] for start in range(self.offsets)]
 

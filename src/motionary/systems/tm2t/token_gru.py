@@ -115,8 +115,8 @@ class TokenGRU(nn.Module):
     ) -> Tensor:
         """Sample with gradients: one-hot tokens (B, S, K + 3) by straight-through Gumbel-softmax, S <= steps.
 
-        Start and padding are never drawn, the end not as the first token. Sampling goes on behind a row's end (mask
-        that) and stops once every row has ended.
+        Start and padding are never drawn, and the end never as the first token. Sampling stops once every row has
+        ended; what a row holds after its own end is meaningless, so mask it.
         """
         token = self._embed(state, start[:, None])[:, 0]
         hidden, samples = state.hidden, []
