@@ -112,8 +112,8 @@ class Acted:
 
 
 def lengths_told(data: Acted, stage: str) -> dict[str, int]:
-    """How many entries are shorter than the window, for the report of `stage`; one line on standard output where any
-    is, and another where all are, since the model then never sees as long a motion as it was told to learn.
+    """Counts the entries that are shorter than the window, for the report of `stage`. Prints one line if there are any,
+    and another if all are: the model then never sees a motion as long as it was meant to learn.
 
     Returns:
         entries, those shorter than the window, and the most frames of an entry.

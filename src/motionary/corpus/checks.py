@@ -11,9 +11,9 @@ _CACHED = re.compile(r"/files/md5/[0-9a-f]{2}/[0-9a-f]{30}(\.dir)?$")  # how DVC
 
 
 def check_home(root: Path, path: Path, where: object) -> None:
-    """InputError where a file is a link that leads out of the folder, as one that came from elsewhere may hold.
+    """InputError where a file is a link that leads out of the folder: a folder from elsewhere may hold such links.
 
-    A whole subfolder on another disk is its owner's choice, and DVC's cache is no stranger.
+    A link to a whole subfolder is allowed (its owner may keep it on another disk), and so are links to DVC's cache.
     """
     if not path.is_symlink():
         return

@@ -152,7 +152,7 @@ def reading(root: Path, values: dict[str, Any], where: str) -> ReadingOptions | 
 
 
 def unknown_keys(values: dict[str, Any], known: tuple[str, ...], where: str, seen: set[str]) -> list[InputError]:
-    """A problem for each key that nothing reads and that was not seen before: it is left out, perhaps by a slip."""
+    """A problem for each key that nothing reads (perhaps a typing error), the first time that it is seen."""
     new = [key for key in values if key not in known and key not in seen]
     seen.update(new)
     rule = f"is no known key and is left out; known are {', '.join(known)}"

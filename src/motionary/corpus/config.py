@@ -17,29 +17,12 @@ SOURCES = ("demo", "folder", "humanml3d")
 
 @dataclass(frozen=True)
 class DataConfig:
-    """What corpus to build.
+    """What corpus to build; conf/data/folder.yaml explains each setting.
 
     Attributes:
-        name: a name for reports.
-        source: "demo", "folder" or "humanml3d".
-        roots: data folders; none for the demo.
-        fps: rate of the corpus.
-        skeleton: target skeleton of retargeting ("smpl22", "kit21").
-        codec: feature codec.
-        min_seconds, max_seconds: shorter segments are dropped; of longer ones a window is drawn, or pieces are cut
-            where they have no captions.
-        cut: "covering" or "released", how captioned segments become windows (see `windows.windows`).
-        least_cover: a window drawn from a longer segment keeps its captions if it shows at least this share of it.
-        source_weights: how much more often captions of a source are drawn in training, by the source's name; 0
-            leaves them out, 1 for the others.
-        split: "clip", "subject", "combination" or "given" (see `splits.split_clips`).
-        ratios: shares of train, val and test.
-        seed: of the split and of the demo corpus.
-        mirror: add a mirrored copy, with mirrored captions, of every training window.
-        strict: stop at the first bad clip in place of reporting it.
-        workers: parallel processes; 0 takes one per core. The result does not depend on it.
-        min_count: rarer words of the training captions become unknown.
-        clips: number of demo clips.
+        name: of the corpus, for reports.
+        source: "demo", "folder" or "humanml3d" (see :mod:`motionary.corpus.sources`).
+        codec: a key of `motionary.features.CODECS`.
     """
 
     name: str = "demo"

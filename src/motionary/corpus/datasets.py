@@ -83,7 +83,7 @@ class Pairs:
     Args:
         split: "train", "val" or "test".
         tokens: adds the motion tokens of each window; several stores hold those of the windows from their first,
-            second, ... frame on, of which a draw takes one (the first where not `random`).
+            second, ... frame on, and each draw takes one of them (the first unless `random`).
         drop_unit: in this share of the draws one unit (4 frames, 1 token) is dropped from head or tail; only where
             `random`.
         balance: as for :class:`Windows`.

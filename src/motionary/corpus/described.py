@@ -82,7 +82,7 @@ class EvenSources:
     """Captions of a dataset, as many of every source, so that a mean over all is the mean over sources.
 
     Sources of fewer than 8 captions are left out where there are others; small ones repeat. Entries of one source
-    stand together, and their number is a multiple of `together`, so that batches of that many in order hold one.
+    stand together, and their number is a multiple of `together`: batches of that size, in order, hold one source each.
 
     Args:
         pairs: with one entry a caption (``all_captions=True``).

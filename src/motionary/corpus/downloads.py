@@ -24,7 +24,7 @@ _GONE = (401, 403, 404, 410)  # another attempt would not help
 
 
 def read_manifest(path: str | Path | None) -> dict[str, str]:
-    """SHA-256 by file name, from a ``downloads.jsonl``: of an earlier run, or of whoever vouches for the files."""
+    """SHA-256 by file name, from a ``downloads.jsonl`` of an earlier run or of a source that is trusted."""
     if path is None:
         return {}
     found = {}

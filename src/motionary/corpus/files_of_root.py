@@ -36,8 +36,8 @@ def belongs(root: Path, path: Path, strictly: bool) -> bool:
 class Stock:
     """What was found out of each file of a root, kept beside the project: a file that is as it was is not read again.
 
-    As it was is a file of the same size and times of change; one changed within two seconds before it was read is
-    looked at again, since a clock's ticks are coarse.
+    A file counts as unchanged while its size and times of change stay the same. One that changed less than two seconds
+    before it was read is read again, since file times may be that coarse.
 
     Args:
         path: where the stock of the last time is kept; None keeps none. What cannot be read of it counts as empty.

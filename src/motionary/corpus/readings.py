@@ -35,7 +35,8 @@ class ReadingCounts:
             self.notes.append(f"{where}: {'; '.join(reading.notes)}")
 
     def report(self) -> dict[str, Any]:
-        """Files by axis, metres per unit and source of the roles; how many were mirrored, cut or uncertain, and why."""
+        """Counts of files by up axis, by metres per unit and by source of the roles; how many were mirrored, lost their
+        first frame or are uncertain, and why."""
         counted = {"up": self.up, "unit": self.unit, "roles": self.roles}
         return {name: dict(sorted(counts.items())) for name, counts in counted.items()} | {
             "mirrored": self.mirrored,

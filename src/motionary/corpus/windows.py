@@ -159,7 +159,7 @@ def _pieces(start: float, end: float, frames: int, rule: Rule, rest: bool) -> li
 def _window(
     start: float, end: float, frames: int, rule: Rule, captions: tuple[Caption, ...] = (), **kind: bool
 ) -> list[Window]:
-    """The window of a stretch (s) that is none too long; nothing where less than a unit is left."""
+    """The window of a stretch (s) that fits into one, as a list; empty where less than a unit is left."""
     first, last = round(start * rule.fps), round(end * rule.fps)
     # Frame `last` belongs to the next stretch, but the codec needs one joint frame more than it returns.
     length = min(min(last, frames - 1) - first, rule.max_frames) // rule.unit * rule.unit

@@ -96,8 +96,8 @@ def clip_labels(clip: Clip, *_) -> Clip:
 def without_bind_pose(motion: Motion) -> Motion:
     """The motion with a leading bind pose replaced by the first real frame, so that times stay.
 
-    Some exporters put the bind pose in frame 0 and some blend out of it over a few frames, at most 0.1 s. A quick start
-    is none: a bind pose is a pose, standing with the arms out, and the step after the jump out of it is calm.
+    Some exporters put the bind pose in frame 0, some blend out of it over a few frames, at most 0.1 s. A quick start of
+    the motion itself is told apart: in a bind pose the body stands with its arms out, and after the jump it is calm.
     """
     if motion.frames < 3 or not _arms_out(motion):
         return motion
@@ -111,7 +111,7 @@ def without_bind_pose(motion: Motion) -> Motion:
     first = calm[0]
 
     def held(values: np.ndarray) -> np.ndarray:
-        """With the first calm frame in place of those before it."""
+        """The values with the frames before the first calm one replaced by it."""
         return np.concatenate([np.repeat(values[first : first + 1], first, axis=0), values[first:]])
 
     rotations = None if motion.rotations is None else held(motion.rotations)
@@ -128,7 +128,7 @@ def _arms_out(motion: Motion) -> bool:
     across = at["left_shoulder"] - at["right_shoulder"]
 
     def cosine(begin: str, end: str, line: np.ndarray) -> float:
-        """Of the angle between a bone and a direction."""
+        """Cosine of the angle between the bone from `begin` to `end` and the direction `line`."""
         bone = at[end] - at[begin]
         return float(bone @ line / max(np.linalg.norm(bone) * np.linalg.norm(line), 1e-9))
 
