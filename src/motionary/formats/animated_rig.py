@@ -14,7 +14,7 @@ _FRAMES = 1024  # of a long take are worked on at a time: memory for these, and 
 
 @dataclass(frozen=True)
 class Track:
-    """An animated rig in the file's own unit and axes. Who reads a file makes it, and `to_motion` uses its arrays up.
+    """An animated rig in the file's own unit and axes. `to_motion` overwrites its arrays, to save memory.
 
     Attributes:
         joints: (J,) names, parents before children.

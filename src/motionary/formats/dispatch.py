@@ -36,7 +36,7 @@ def given(function: Callable[..., Any], path: str | os.PathLike, options: dict[s
 
 @contextmanager
 def foreseen(path: str | os.PathLike, rule: str) -> Iterator[None]:
-    """What nobody foresaw of a file becomes one line with its name, the kind of the failure and the rule.
+    """An unforeseen failure on a file becomes one InputError with the file's name, the kind of failure and the rule.
 
     numpy says nothing meanwhile: infinities and NaN are refused where a motion is made, and the ways to them need no
     lines of their own.

@@ -39,7 +39,7 @@ class Channel:
     how: str
 
     def at(self, times: np.ndarray, rate: float) -> np.ndarray:
-        """(T, width) values at times that lie 1 / rate apart; before the first and after the last key these."""
+        """(T, width) values at times that lie 1 / rate apart, held before the first key and after the last."""
         keys = self.values[:, 1] if self.how == _CUBIC else self.values
         place = (self.times - times[0]) * rate
         whole = np.round(place)

@@ -98,7 +98,7 @@ def as_lines(told: Mapping[str, Any]) -> list[str]:
 
 
 def _how(told: Mapping[str, Any], option: str) -> str:
-    """Given, or how sure, and the two next candidates with their log-odds."""
+    """What the user gave is "given"; else the probability, and the two next candidates with their log-odds."""
     if option in told["told"]:
         return " (given)"
     if option not in told["probability"]:

@@ -24,7 +24,7 @@ class Choice:
 
     @property
     def sure(self) -> bool:
-        """Whether nobody needs to be told."""
+        """Whether the choice is probable enough (`SURE`) to be taken without a warning."""
         return self.probability >= SURE
 
 

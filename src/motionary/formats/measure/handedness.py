@@ -35,7 +35,7 @@ def _evidence(body: BodyFrame, up: np.ndarray) -> dict[str, float]:
     ahead = unit(np.cross(across, unit(body.middle("shoulder") - body.middle("hip"))))
 
     def mean(vectors: np.ndarray, full: float) -> float:
-        """Of (T, n, 3), how far they point ahead, in parts of `full` sizes."""
+        """Mean from -1 to 1 of how far vectors (T, n, 3) point ahead; `full` sizes or more count as 1."""
         return float((np.einsum("tni,ti->tn", vectors, ahead) / full).clip(-1, 1).mean())
 
     legs = [body.both(part) for part in ("hip", "knee", "ankle")]
@@ -58,6 +58,6 @@ def _stands(rest: BodyFrame) -> bool:
 
 
 def _off(vectors: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """What of vectors (T, n, 3) stands off lines (T, n, 3)."""
+    """The parts of vectors (T, n, 3) at right angles to lines (T, n, 3)."""
     line = unit(line)
     return vectors - np.einsum("tni,tni->tn", vectors, line)[..., None] * line

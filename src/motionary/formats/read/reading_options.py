@@ -96,14 +96,14 @@ class ReadingOptions:
 
     @staticmethod
     def told_at(where: str, **values: Any) -> ReadingOptions:
-        """The options of some place, which complaints name."""
+        """The options, with the place they come from, which error messages name."""
         try:
             return ReadingOptions(**values)
         except InputError as error:
             raise InputError(f"{where}: {error.what}" if where else error.what, error.value, error.rule) from None
 
     def over(self, other: ReadingOptions | None) -> ReadingOptions:
-        """These, and the other's where these say nothing."""
+        """These options, filled up with the other's where these are None."""
         if other is None:
             return self
         return replace(other, **{f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None})

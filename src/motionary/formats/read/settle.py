@@ -166,7 +166,7 @@ def _odd_size(body: BodyFrame, scale: float, options: ReadingOptions) -> list[st
 
 
 def _otherwise(names: list[str]) -> str:
-    """How to say it: in a shell and in Python."""
+    """How to override what was measured, in a shell and in Python."""
     flags, arguments = ", ".join(f"--{name}" for name in names), ", ".join(f"{name}=" for name in names)
     return f"(say otherwise with {flags}; in Python {arguments})"
 

@@ -1,4 +1,4 @@
-"""The way of a motion over the ground, seen from above: stills under a camera that follows do not show it."""
+"""The path of a motion over the ground, seen from above: stills under a camera that follows the body do not show it."""
 
 from __future__ import annotations
 

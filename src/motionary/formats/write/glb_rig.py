@@ -135,7 +135,7 @@ def _worlds(nodes: list[dict[str, Any]], parent: dict[int, int]) -> list[np.ndar
     found: dict[int, np.ndarray] = {}
 
     def world(i: int) -> np.ndarray:
-        """Of node i, through its parents."""
+        """The world matrix (4, 4) of node i, through its parents."""
         if i not in found:
             found[i] = (world(parent[i]) if i in parent else np.eye(4)) @ _matrix(nodes[i])
         return found[i]
