@@ -55,7 +55,7 @@ def values_of(made: Judged, real: Judged, pairs: PairCounts, rng: np.random.Gene
 
 
 def real_values(real: Judged, pairs: PairCounts, rng: np.random.Generator) -> dict[str, float]:
-    """The same of real motions; FID is the distance of two random halves: nothing can be told apart below it."""
+    """The same for real motions; their FID is the distance of two random halves, the least that can be told apart."""
     return {"fid": halves_distance(real.features, rng), **_spread(real, pairs, rng)}
 
 

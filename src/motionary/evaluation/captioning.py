@@ -76,7 +76,7 @@ def score_captioner(captioner: MotionToText, items: Items, jury: Jury) -> dict[s
 
 
 def _retrieval(rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """What the rows say of texts: the motions are the real ones, so their distribution says nothing."""
+    """The rows without metrics of the motions' distribution: here the motions are the real ones."""
 
     def of_texts(row: dict[str, Any]) -> dict[str, Any]:
         """A row without what is said of motions."""
@@ -119,5 +119,5 @@ def _actions(sentence: Sentence) -> set[str]:
 
 
 def _rounded(scores: dict[str, Any]) -> dict[str, Any]:
-    """Intervals as reports hold them; what is none stays."""
+    """Intervals as reports hold them; other values stay as they are."""
     return {name: v.report() if isinstance(v, Interval) else v for name, v in scores.items()}

@@ -111,7 +111,7 @@ def _numbers(protocol: Protocol) -> range:
 
 
 def _scores(draws: Sequence[_Draw], items: Items, real: Features, jury: Jury) -> dict[str, Any]:
-    """What is measured of generations whatever decided their lengths; physics and the oracle read the first."""
+    """Scores of generations, whatever decided their lengths; physics and the oracle look at the first draw only."""
     first = draws[0]
     return {
         "generation": jury.rows([(d.text, d.motion, d.parts) for d in draws], real),
@@ -180,7 +180,7 @@ def _spreads(features: np.ndarray, protocol: Protocol) -> Interval:
 
 
 def others(items: Items) -> list[np.ndarray]:
-    """For each item the motion of another, drawn once: what the oracle confirms of these it confirms by chance."""
+    """For each item the motion of another, drawn once. How often the oracle confirms these is its rate by chance."""
     order = np.random.default_rng(41).permutation(len(items))
     chosen = np.empty_like(order)
     chosen[order] = np.roll(order, 1)

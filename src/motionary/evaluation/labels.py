@@ -1,4 +1,5 @@
-"""How much of a captioner's BLEU is wording, and how much is reading: beside a reader who knows style and action."""
+"""How much of a captioner's BLEU is wording and how much is understanding: it is compared with a reader who knows the
+style and the action of each window."""
 
 from __future__ import annotations
 

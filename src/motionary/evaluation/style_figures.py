@@ -17,7 +17,7 @@ _NAMES = {"supervised": "supervised: beside the label", "unsupervised": "unsuper
 
 
 def draw_codes(stylizer: Any, corpus: Corpus, split: StyleSplit, settings: Sequence[str], count: int, seed: int = 0):
-    """Style codes of real motions in two dimensions by t-SNE, colored by style, a jury for each setting.
+    """Style codes of real motions in two dimensions by t-SNE, colored by style, a panel for each setting.
 
     Args:
         stylizer: offers ``style_codes(motions, setting, labels)`` and `receptive`.

@@ -50,11 +50,11 @@ class Measures:
         self._place: dict[int, int] = {}
 
     def of(self, features: Sequence[np.ndarray]) -> Measured:
-        """Of raw features, each (T, D)."""
+        """Measures the motions of raw features, each (T, D)."""
         return self._judged([self.codec.decode(f, fps=self.fps) for f in features], features)
 
     def planted(self, features: Sequence[np.ndarray]) -> Measured:
-        """Of the motions of raw features, each (T, D), with feet that stand."""
+        """Measures the motions of raw features, each (T, D), with feet planted (`Motion.plant_feet`)."""
         motions = [plant_feet(self.codec.decode(f, fps=self.fps)) for f in features]
         return self._judged(motions, [as_features(motion, self.context) for motion in motions])
 
@@ -67,7 +67,7 @@ class Measures:
         return Measured(measured, style.argmax(1), style_features, content.argmax(1), content_features)
 
     def real(self, rows: np.ndarray) -> Measured:
-        """Of rows of the corpus, with their labels."""
+        """Measures the windows at rows of the corpus, with their labels."""
         new = [row for row in dict.fromkeys(rows.tolist()) if row not in self._place]
         if new:
             found = replace(self.of([self.corpus.features(i) for i in new]), labels=self.corpus.style_ids[new])
