@@ -12,7 +12,7 @@ _THEN = "nothing else"
 
 
 def build_act_tab(visit: Visit) -> None:
-    """An action, what follows it, and of how large a body; the known actions are listed once the models are open."""
+    """Controls for an action, those that follow it, and the body's size; they list what the opened models know."""
     gui, turns, dictionary = visit.gui, visit.turns, visit.dictionary
     first = gui.add_dropdown("Action", (_THEN,))
     then = gui.add_dropdown("Then", (_THEN,))

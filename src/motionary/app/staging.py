@@ -42,7 +42,7 @@ def way_of(motion: Motion, shift: np.ndarray) -> np.ndarray:
 
 
 def smoothed(values: np.ndarray, fps: float) -> np.ndarray:
-    """The mean of (T, D) values around each frame; before the first and after the last all are like these."""
+    """The mean of (T, D) values around each frame; the first and the last value are repeated beyond the ends."""
     half = min(int(_CALM * fps / 2), len(values) - 1)
     padded = np.concatenate([np.repeat(values[:1], half, 0), values, np.repeat(values[-1:], half, 0)])
     sums = np.concatenate([np.zeros((1, values.shape[1])), padded.cumsum(0, dtype=np.float64)])

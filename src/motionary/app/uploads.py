@@ -49,7 +49,7 @@ def limit_uploads(client: viser.ClientHandle) -> None:
 
 
 def take(button: viser.GuiUploadButtonHandle) -> viser.UploadedFile:
-    """The file that was sent to a button, which keeps it no longer."""
+    """Takes the file that was sent to a button out of the button, which would keep it in memory."""
     file, button._impl.value = button.value, viser.UploadedFile("", b"")
     return file
 

@@ -56,7 +56,7 @@ class Visit:
         return self.gui.add_number(label, 0, min=0, max=limits.LARGEST_SEED, step=1)
 
     def seeded(self, box: Any) -> int:
-        """What stands in such a box."""
+        """The seed in a box of :meth:`seed`, as a whole number."""
         return int(within("seed", box.value, 0, limits.LARGEST_SEED))
 
     def _names(self) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ def short(text: str, most: int = _LONGEST) -> str:
 
 
 def titles(texts: Sequence[str]) -> list[str]:
-    """What stands above figures: numbered where there are several, and only once said where all say the same."""
+    """Titles of figures: numbered where there are several, and given only once where all are the same."""
     if len(texts) == 1:
         return [short(texts[0])]
     if len(set(texts)) == 1:
