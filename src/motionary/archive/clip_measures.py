@@ -27,14 +27,19 @@ _FEWEST = 6  # frames that differences need
 def measured(motion: Motion) -> dict[str, float]:
     """The measures of a clip by name; those that need more frames than it has are left out.
 
-    size: leg and trunk together, m. reach, pose: how far the joint that moves most does so in the room, and seen from
-    the body, between the 2.5th and the 97.5th percentile, m. arms_out: share of frames with both arms out to the sides.
-    bone_jump: m by which the length of a limb departs most from its median. turn, turn_at: the fastest turn of the line
-    through hips and shoulders, degrees between frames a 20th of a second apart or less, and its second. jump, jump_at:
-    by how much a step of the pelvis departs most from those before and after it, m. spike, spike_at: the same of the
-    joint that departs most from a smooth path, m; spikiness: over the usual. noise: the same of the usual frame
-    and a quiet joint; roughness: over how much all bend. slide: speed over the ground that even the stillest low joint
-    has in nine tenths of the frames, m/s. pace: usual speed of the pelvis over the ground, m/s.
+    - size: leg and trunk together, m.
+    - reach, pose: range (2.5th to 97.5th percentile) of the joint that moves most, m, in the room and in the body's frame.
+    - arms_out: share of frames with both arms out to the sides.
+    - bone_jump: largest departure of a limb's length from its median, m.
+    - turn, turn_at: the fastest turn of the line through hips and shoulders, in degrees between frames a 20th of a
+      second apart or less, and when it happens, s.
+    - jump, jump_at: the largest departure of a step of the pelvis from the steps before and after it, m, and when, s.
+    - spike, spike_at: the largest departure of any joint from a smooth path, m, and when, s; spikiness: the same by the
+      usual departure.
+    - noise: departure from a smooth path in a usual frame and of a quiet joint, m; roughness: the same divided by how
+      much all paths bend.
+    - slide: speed over the ground that even the stillest low joint has in nine tenths of the frames, m/s.
+    - pace: usual speed of the pelvis over the ground, m/s.
 
     Raises:
         InputError: a main joint of the rig is not known.

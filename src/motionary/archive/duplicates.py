@@ -17,7 +17,7 @@ _LENGTH = 1.1  # of two windows, the longer by the shorter
 
 @dataclass(frozen=True)
 class Pair:
-    """Two windows by row, how far apart their joints are (m), and they in the models' space (1: as two usually are)."""
+    """Two windows by row: the distance of their joints (m), and that in the models' space in units of the usual one."""
 
     first: int
     second: int

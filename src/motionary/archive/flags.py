@@ -82,7 +82,7 @@ def _own(clip: Told) -> Iterator[tuple[str, str]]:
 
 
 def _size(size: float, sizes: np.ndarray) -> str:
-    """Why a body's size is odd: nobody has it, or hardly anyone else in the folder; "" where it is not."""
+    """Why a body's size (m) is odd: no person has it, or hardly another clip of the folder; "" where it is not odd."""
     if not np.isfinite(size):
         return ""
     if not _SMALLEST < size < _LARGEST:

@@ -138,7 +138,7 @@ def _listed(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _apart(windows: Sequence[tuple[float, float, str]]) -> Sequence[tuple[float, float, str]]:
-    """Windows that overlap little: of those that overlap by half every second, and the last."""
+    """Windows that overlap little: where neighbours overlap by half, every second one, and always the last."""
     last = [windows[-1]] if windows and len(windows) % 2 == 0 else []
     return [*windows[::2], *last]
 
