@@ -145,6 +145,19 @@ def test_no_two_public_classes_have_one_name():
     assert not shared, shared
 
 
+def test_help_names_a_command_as_it_is_typed():
+    """A parser of `python -m package.module` says so, and `python -m package` where that is its __main__."""
+    found = {}
+    for name, file in modules().items():
+        for node in ast.walk(tree(file)):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "argparse.ArgumentParser":
+                given = {word.arg: word.value for word in node.keywords}
+                if "prog" in given and "python -m" in ast.unparse(given["prog"]):
+                    found[name] = ast.literal_eval(given["prog"])
+    assert len(found) > 5
+    assert found == {name: f"python -m {name.removesuffix('.__main__')}" for name in found}
+
+
 def _family(name: str) -> str:
     """The family that a module belongs to, "" where to none."""
     parts = name.split(".")

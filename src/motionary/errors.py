@@ -31,7 +31,7 @@ class InputError(ValueError):
         super().__init__(f"{self.what}: {shortened(value)}: {self.rule}")
 
     def of(self, file: object) -> InputError:
-        """The same error, which names a file."""
+        """The same error with the file's name before the argument's."""
         return InputError(f"{file}, {self.what}", self.value, self.rule)
 
     def __reduce__(self):
@@ -48,7 +48,7 @@ def _printable(text: object) -> str:
 
 
 def shortened(value: object, most: int = _LONGEST) -> str:
-    """A value in one line; one that has no text of its own (nested too deep, a number too long) by its kind."""
+    """A value as one line of at most `most` characters; one that Python cannot print is named by its type."""
     try:
         found = _printable(" ".join(str(value).split()))
     except (RecursionError, ValueError):
@@ -67,7 +67,7 @@ def exit_code(run: Callable[[], object]) -> int:
 
 
 class InputWarning(UserWarning):
-    """An input was taken on thin or contradicting evidence; one line says what was taken and how to say otherwise."""
+    """An input was read on thin or contradicting evidence; one line says how it was read and how to override that."""
 
 
 def check_values(section: str, config: object, names: Iterable[str], holds: Callable[[Any], bool], rule: str) -> None:
@@ -85,7 +85,7 @@ def check_values(section: str, config: object, names: Iterable[str], holds: Call
             raise InputError(f"{section}.{name}", value, rule)
 
 
-# Limits of settings that only a slip exceeds: a layer's channels, layers of a stack, a loss weight, anything counted.
+# Settings beyond these are typing errors: channels of a layer, layers of a stack, a loss weight, any count.
 WIDEST, DEEPEST, HEAVIEST, MOST = 65536, 64, 1_000_000, 1_000_000
 
 

@@ -187,8 +187,8 @@ def file_hash(path: Path) -> str:
 
 
 def list_files(folder: Path) -> None:
-    """Write ``files.json``: bytes and SHA-256 of every file below a folder, by path. Who trusts the list knows the
-    content without reading it, and who reads it can tell what a disk has damaged."""
+    """Write ``files.json``: bytes and SHA-256 of every file below a folder, by path. The list names the content without
+    reading it, and tells which files a disk has damaged since."""
     found = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / LISTED):
         found[path.relative_to(folder).as_posix()] = {"bytes": path.stat().st_size, "sha256": file_hash(path)}
@@ -196,13 +196,17 @@ def list_files(folder: Path) -> None:
 
 
 def read_list(folder: Path) -> dict[str, tuple[int, str]]:
-    """What `list_files` wrote: {path: (bytes, SHA-256)}. Raises whatever a list that is missing or damaged does."""
+    """What `list_files` wrote: {path: (bytes, SHA-256)}.
+
+    Raises:
+        Exception: of any kind, where the list is missing or damaged.
+    """
     told = json.loads((folder / LISTED).read_text(encoding="utf-8"))
     return {name: (int(of["bytes"]), str(of["sha256"])) for name, of in told.items()}
 
 
 def leftovers(path: str | os.PathLike) -> list[Path]:
-    """What killed writers of `path`, a file or a folder, left beside it, and what running ones are writing."""
+    """Unfinished files or folders beside `path`, left by killed writers or still being written by running ones."""
     path = Path(path)
     return sorted(path.parent.glob(f"{UNFINISHED}{'?' * 8}-{glob.escape(_short(path))}"))
 

@@ -1,4 +1,4 @@
-"""What is called without importing where it lives: names that a package hands on, and what motions ask of formats."""
+"""Late imports: names that a package passes on from other modules, and the functions behind methods of `Motion`."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def hand_on(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any
 
 
 def save_with(save: Callable[..., None], to: Callable[..., Any], plant: Callable[..., Any]) -> None:
-    """Hands in what ``Motion.save``, ``Motion.to`` and ``Motion.plant_feet`` call. The package does so before any of
-    its modules is there: these stand on the motion's module, which so needs to know none of them."""
+    """Sets the functions that ``Motion.save``, ``Motion.to`` and ``Motion.plant_feet`` call. The package does so before
+    any of its modules is imported: these functions need the motion's module, which must not import them in turn."""
     _formats[:] = [save, to, plant]
 
 

@@ -43,7 +43,7 @@ def act(
 def between(
     actor: ActionToMotion, action: str, steps: int, seconds: float, seeds: tuple[int, int], scale: float
 ) -> list[Motion]:
-    """Motions from one first latent to another; see the dictionary's method."""
+    """Motions whose first latents lie between those of two seeds; see the dictionary's method."""
     check_whole("steps", steps, 2)
     (name,) = listed(action, str, "action")
     if not isinstance(seeds, list | tuple) or len(seeds) != 2:

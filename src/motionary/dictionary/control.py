@@ -139,5 +139,5 @@ def on_models(motion: Any, context: Context, name: str) -> Motion:
 
 
 def bare(motion: Motion, like: Motion) -> Motion:
-    """The motion as one that came without rotations, where another did: on its skeleton, without them."""
+    """The motion without rotations and on the skeleton of `like`, where `like` has no rotations; else as it is."""
     return motion if like.rotations is not None else replace(like, positions=motion.positions)

@@ -48,7 +48,7 @@ class Prompts(Folder):
         return self.context(self.first_of(EMBED, TEXT_TO_MOTION, MOTION_TO_TEXT)).vocabulary
 
     def _meanings(self) -> Meanings:
-        """Those that the search's stage wrote, or of the known words alone."""
+        """The meanings that the stage of the search wrote, else those of the known words alone."""
         return self._once("", "meanings", self._opened_meanings)
 
     def _opened_meanings(self) -> Meanings:

@@ -41,7 +41,7 @@ def packed(indices: Sequence[int]) -> Columns:
 
 
 def width(chosen: Columns) -> int:
-    """How many columns these are."""
+    """The number of columns."""
     return chosen.stop - chosen.start if isinstance(chosen, slice) else len(chosen)
 
 

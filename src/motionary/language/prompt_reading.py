@@ -27,7 +27,7 @@ _COMMON = (
     ("start", "begin"),
     ("stop", "end", "finish"),
 )
-# Nothing of a motion is lost with these.
+# Words that can be left out of a prompt without losing anything about the motion.
 _EMPTY = frozenset(
     (
         *("do", "does", "is", "has", "have", "will", "would", "can", "could", "to", "of", "at", "for", "in", "on"),

@@ -22,8 +22,8 @@ def raised(s: Signals, cut: Thresholds, moving: bool) -> np.ndarray:
 def swings(s: Signals, cut: Thresholds) -> np.ndarray:
     """(2,) changes of direction of each hand while it is up, along the axis where it swings most.
 
-    Great waves leave the height and come back: each such return is two more changes. What trembles no more than the
-    hand's noise from frame to frame does not count.
+    In a large wave the hand leaves the raised height and comes back: each return counts as two more changes. Movements
+    no larger than the hand's noise from frame to frame do not count.
     """
     counts = np.zeros(2, int)
     high = elevation(s)

@@ -17,7 +17,7 @@ def spans(x: np.ndarray, high: float, low: float) -> np.ndarray:
 
 
 def episodes(x: np.ndarray, high: float, low: float) -> int:
-    """Number of those excursions."""
+    """Number of stays of x (T,) above `high`, counted as in :func:`spans`."""
     return len(spans(x, high, low))
 
 

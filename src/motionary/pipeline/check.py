@@ -86,7 +86,7 @@ def _configure(name: str, own: Values, values: Values) -> None:
 
 
 def _check_variants(name: str, own: Values, values: Values) -> None:
-    """A section that trains one model for each of its `settings`, which are sections of their own."""
+    """Checks a section that trains one model for each name in its `settings`; each of these has its own section."""
     of_each = {key: value for key, value in own.items() if isinstance(value, Mapping)}
     settings = own["settings"]
     if not isinstance(settings, list) or not settings or not set(settings) <= of_each.keys():

@@ -18,7 +18,7 @@ from motionary.report.verdicts import verdicts_table
 
 
 def main_tables(results: Results) -> list[Table]:
-    """The tables that a first look needs."""
+    """The main result tables, in the order in which they are shown."""
     found = [tables.text_to_motion(results), *tables.by_other_judges(results), verdicts_table(results)]
     found += [caption_tables.motion_to_text(results), tables.reconstruction(results), tables.lengths(results)]
     found += [*stylization_tables(results)[:1], *action_tables(results)[:1]]

@@ -73,7 +73,7 @@ def _row(judge: str | None) -> tuple[str, ...]:
 def _better(
     systems: Mapping[str, dict[str, Any]], pair: tuple[str, str], key: str, more: bool, judge: str | None
 ) -> str:
-    """The better of a pair by one judge, a dash where intervals meet or one has no value."""
+    """The better of a pair by one judge; a dash where the intervals overlap or a value is missing."""
     values = [at(systems[name], *_row(judge), key) for name in pair]
     if None in values:
         return NONE

@@ -53,7 +53,8 @@ class Verdict:
 def read_votes(paths: Sequence[str | Path]) -> Verdict:
     """The verdict of several visits to one page.
 
-    Warm-ups do not count, nor does anything of who failed a catch trial. Each text goes to whom most raters chose.
+    Warm-ups do not count, and neither do the answers of a rater who failed a catch trial. Each text counts for the side
+    that most raters chose.
 
     Raises:
         InputError: a file that the page did not save, files of different pages, nobody who passed.

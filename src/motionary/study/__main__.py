@@ -1,4 +1,4 @@
-"""Seeds, splits, controls, ablations and baselines as DVC experiments: ``python -m motionary.study.__main__``.
+"""Seeds, splits, controls, ablations and baselines as DVC experiments: ``python -m motionary.study``.
 
 Every experiment runs in a temporary copy of the project (the workspace and its results stay), shares unchanged stages
 with all others through DVC's run cache, and leaves its reports in ``reports/study/<name>/``. A study that was killed
@@ -163,7 +163,7 @@ def _run_all(root: Path, study: Study, chosen: Sequence[Experiment], again: bool
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs what is not done yet and prints the tables; exit code 1 where an experiment failed, 2 on bad input."""
-    parser = argparse.ArgumentParser(prog="python -m motionary.study.__main__", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m motionary.study", description=__doc__)
     parser.add_argument("--list", action="store_true", help="name every experiment and say which are done")
     parser.add_argument("--dry", action="store_true", help="print the commands and run nothing")
     parser.add_argument("--table", action="store_true", help="only write and print the tables of what is done")
