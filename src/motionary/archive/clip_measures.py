@@ -28,7 +28,7 @@ def measured(motion: Motion) -> dict[str, float]:
     """The measures of a clip by name; those that need more frames than it has are left out.
 
     - size: leg and trunk together, m.
-    - reach, pose: range (2.5th to 97.5th percentile) of the joint that moves most, m, in the room and in the body's frame.
+    - reach, pose: range (2.5th to 97.5th percentile) of the joint that moves most, in the room and seen by the body, m.
     - arms_out: share of frames with both arms out to the sides.
     - bone_jump: largest departure of a limb's length from its median, m.
     - turn, turn_at: the fastest turn of the line through hips and shoulders, in degrees between frames a 20th of a
