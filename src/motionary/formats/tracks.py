@@ -19,6 +19,7 @@ from motionary.motion.rotations import quat_action, quat_conjugation, quat_produ
 from motionary.motion.skeleton import NAMED
 from motionary.motion.tree import roles_by_tree
 
+_UNTURNED = 0.99999  # cosine of half an angle of half a degree
 _WRITTEN = 5e-4  # metres; where rotations miss a joint by more, a file gets that joint's translation too
 
 
@@ -58,7 +59,7 @@ def to_motion(
     for some in stretches(len(positions)):
         positions[some] = settled.points(positions[some].astype(np.float64))
         rotations[some] = settled.rotations(rotations[some].astype(np.float64))
-    skip = _starts_with_t_pose(roles, positions) if options.skip_first is None else options.skip_first
+    skip = _starts_with_t_pose(roles, positions, rotations) if options.skip_first is None else options.skip_first
     if skip and len(positions) > 1:
         positions, rotations = positions[1:], rotations[1:]
         reading = replace(reading, skipped_first=True)
@@ -131,12 +132,13 @@ def _without_placement_nodes(track: Track) -> Track:
     return track
 
 
-def _starts_with_t_pose(roles: Mapping[str, int], positions: np.ndarray) -> bool:
+def _starts_with_t_pose(roles: Mapping[str, int], positions: np.ndarray, rotations: np.ndarray) -> bool:
     """A calibration pose put before the motion, as in cgspeed's files.
 
     The rule: in the first frame both upper arms and forearms lie within 25 degrees of the line through the shoulders
     and both legs within 25 degrees of the vertical; and from it to the second frame the joints move, relative to the
-    root, 5 cm or more on average and at least five times as far as between later frames (95th percentile).
+    root, 5 cm or more on average and at least five times as far as between later frames (95th percentile), or out of
+    the rig's own rest pose, in which no joint below the root is turned: nobody stands so exactly.
     """
     names = [f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hip", "ankle") for side in ("left", "right")]
     if len(positions) < 3 or not set(names) <= roles.keys():
@@ -152,7 +154,8 @@ def _starts_with_t_pose(roles: Mapping[str, int], positions: np.ndarray) -> bool
     steps = np.concatenate(
         [_steps(positions[max(some.start - 1, 0) : some.stop]) for some in stretches(len(positions))]
     )
-    return bool(steps[0] > 0.05 and steps[0] > 5 * np.percentile(steps[1:], 95))
+    resting = (np.abs(rotations[:2, 1:, 3]) > _UNTURNED).all(1)
+    return bool(steps[0] > 0.05 and (steps[0] > 5 * np.percentile(steps[1:], 95) or (resting[0] and not resting[1])))
 
 
 def _steps(positions: np.ndarray) -> np.ndarray:

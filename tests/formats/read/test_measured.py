@@ -17,7 +17,7 @@ from motionary.formats.measure import AXES, body_of
 from motionary.formats.measure.up import _falls
 from motionary.formats.read import read_motion_with
 from motionary.motion import Motion
-from motionary.motion.rotations import quat_action
+from motionary.motion.rotations import quat_action, quat_product
 
 CLIPS = int(os.environ.get("MOTIONARY_CLIPS", "24"))  # `make measured` takes all 200
 
@@ -97,6 +97,22 @@ def test_options_stand_in_a_mapping_file_too(tmp_path):
         (tmp_path / "map.json").write_text(json.dumps(wrong))
         with pytest.raises(InputError, match=r"map\.json"):
             read_motion(tmp_path / "a.bvh", tmp_path / "map.json")
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_a_rest_pose_before_a_quick_motion_is_left_out(tmp_path, up):
+    """At ten frames a second a swing goes as far in a frame as the jump out of the rest pose; no other start goes."""
+    world, root = person("stands")
+    swing = quat_product(np.tile([0.3, 0, 0, 0.9539392], (40, 22, 1)), world)
+    world[::2, 16:] = swing[::2, 16:]  # both arms, to and fro
+    rest = np.tile([0.0, 0, 0, 1], (1, 22, 1))
+    for first, left_out in ((rest, True), (world[:1], False)):
+        text = written(np.concatenate([first, world]), np.concatenate([root[:1], root]), up, "t")
+        (tmp_path / "a.bvh").write_text(text.replace("Frame Time: 0.05", "Frame Time: 0.1"))
+        motion, reading = read_motion_with(tmp_path / "a.bvh")
+        assert (motion.fps, reading.skipped_first, motion.frames) == (10, left_out, 41 - left_out)
+    kept, _ = read_motion_with(tmp_path / "a.bvh", skip_first=False)
+    assert kept.frames == 41
 
 
 def test_a_unit_that_was_given_and_fits_nobody_is_said(tmp_path):
