@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from functools import cache
 from numbers import Integral, Real
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_origin, get_type_hints
 
 T = TypeVar("T")
 
@@ -27,7 +27,7 @@ class InputError(ValueError):
     """
 
     def __init__(self, what: object, value: object, rule: str):
-        self.what, self.value, self.rule = _printable(what), value, _printable(rule)
+        self.what, self.value, self.rule = _ends(_printable(what)), value, _printable(rule)
         super().__init__(f"{self.what}: {shortened(value)}: {self.rule}")
 
     def of(self, file: object) -> InputError:
@@ -37,6 +37,11 @@ class InputError(ValueError):
     def __reduce__(self):
         # Exceptions cross process borders (parallel preprocessing); rebuild from the three parts.
         return type(self), (self.what, shortened(self.value, 1000), self.rule)
+
+
+def _ends(text: str, most: int = 1000) -> str:
+    """A text without its middle where it is longer than `most`: a path's file name stands at its end."""
+    return text if len(text) <= most else f"{text[: most // 4]}...{text[3 - most + most // 4 :]}"
 
 
 def _printable(text: object) -> str:
@@ -119,6 +124,8 @@ _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
     float: (_number, "must be a number"),
     str: (lambda value: isinstance(value, str), "must be text"),
 }
+_listed = (lambda value: isinstance(value, list | tuple), "must be a list")
+_anything = (lambda value: True, "")
 
 
 def configure(cls: type[T], values: Mapping[str, Any], section: str) -> T:
@@ -129,10 +136,11 @@ def configure(cls: type[T], values: Mapping[str, Any], section: str) -> T:
         if key not in known:
             raise InputError(f"{section}.{key}", values[key], f"unknown key; known are {', '.join(sorted(known))}")
     for name, kind in _hints(cls).items():
-        if name in values and name in known and kind in _KINDS:
-            holds, rule = _KINDS[kind]
-            if not holds(values[name]):
-                raise InputError(f"{section}.{name}", values[name], rule)
+        if name not in values or name not in known:
+            continue
+        holds, rule = _KINDS.get(kind) or (_listed if get_origin(kind) is tuple else _anything)
+        if not holds(values[name]):
+            raise InputError(f"{section}.{name}", values[name], rule)
     try:
         return cls(**{key: tuple(v) if isinstance(v, list) else v for key, v in values.items()})
     except TypeError as error:

@@ -30,7 +30,7 @@ def readable(path: str | os.PathLike) -> Path:
         InputError: no such file, a folder, an empty file, or no permission to read.
     """
     path = Path(path)
-    if not path.exists():
+    if not exists(path):
         raise InputError(path, "missing", "the file does not exist")
     if path.is_dir():
         raise InputError(path, "a folder", "must be a file")
@@ -39,6 +39,15 @@ def readable(path: str | os.PathLike) -> Path:
     if path.stat().st_size == 0:
         raise InputError(path, "0 bytes", "the file is empty")
     return path
+
+
+def exists(path: Path) -> bool:
+    """Whether a path leads to something; InputError where the system refuses the very name: too long, a circle of
+    links."""
+    try:
+        return path.exists()
+    except (OSError, RuntimeError) as error:
+        raise InputError(path, getattr(error, "strerror", None) or error, "must be a path that can be opened") from None
 
 
 def read_text(path: str | os.PathLike) -> str:
@@ -95,9 +104,10 @@ def writable(path: str | os.PathLike, force: bool = True) -> Path:
         InputError: the file exists and `force` is false, the path is a folder, or its folder cannot be written.
     """
     path = Path(path)
+    there = exists(path)
     if path.is_dir():
         raise InputError(path, "a folder", "must be a file name")
-    if path.exists() and not force:
+    if there and not force:
         raise InputError(path, "exists", "kept as it is; use force=True (--force) to replace it")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -135,7 +145,10 @@ def atomic_file(path: str | os.PathLike, force: bool = True) -> Iterator[Path]:
     temporary = _beside(path)
     with _told(path, temporary):
         # Not tempfile: it makes private files, and the mask of a process can only be asked by changing it.
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL, 0o666))
+        try:
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL, 0o666))
+        except OSError as error:  # whatever it says: /proc, say, has no place for a file
+            raise InputError(path, error.strerror, "cannot be written") from None
         try:
             yield temporary
             _flush(temporary)
@@ -174,9 +187,10 @@ def atomic_folder(path: str | os.PathLike) -> Iterator[Path]:
 
 
 def write_bytes(path: str | os.PathLike, data: bytes | str, force: bool = True) -> Path:
-    """Write a whole file atomically; text as UTF-8."""
+    """Write a whole file atomically; text as UTF-8, in which what has no place, as bytes of a file's name that are no
+    UTF-8, is spelled out."""
     with atomic_file(path, force) as temporary:
-        temporary.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
+        temporary.write_bytes(data.encode("utf-8", "backslashreplace") if isinstance(data, str) else data)
     return Path(path)
 
 

@@ -74,7 +74,7 @@ def refused(value):
     [
         (-1, {"tokenizer.codebook_start"}),
         (1e9, set()),
-        ("x", {"data.name", "source.root", "scale", "temos.language_model", "motion2text.source"}),
+        ("x", {"data.name", "source.root", "scale", "motion2text.source"}),
         (None, set()),
     ],
 )
@@ -153,3 +153,21 @@ def test_make_repro_says_it_before_anything_runs(repository, tmp_path):
     assert done.returncode == 2
     assert time.monotonic() - began < 30
     assert sorted(path.name for path in tmp_path.iterdir()) == ["dvc.yaml", "params.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("data.fps", 10**400),
+        ("language.word_vectors", "x" * 1000),
+        ("residual_tokenizer.levels", ""),
+        ("residual_tokenizer.levels", 8),
+        ("stylization.content_dim", {}),
+        ("temos.language_model", "no/such-model"),
+    ],
+)
+def test_a_value_of_another_kind_is_named(key, value):
+    section, name = key.split(".")
+    with pytest.raises(InputError) as caught:
+        check({**PARAMS, section: {**PARAMS[section], name: value}}, ROOT)
+    assert caught.value.what == key

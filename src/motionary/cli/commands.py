@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 import sys
 import warnings
@@ -48,6 +50,19 @@ COMMANDS = tuple(
 )
 
 
+def _any_name(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Writes the bytes of a file's name that are no text as they are, so that a script can open what is printed, and
+    spells out what else cannot be written."""
+    assert isinstance(error, UnicodeEncodeError)
+    try:
+        return codecs.lookup_error("surrogateescape")(error)
+    except UnicodeError:
+        return codecs.lookup_error("backslashreplace")(error)
+
+
+codecs.register_error("motionary", _any_name)
+
+
 @contextmanager
 def _short_warnings() -> Iterator[None]:
     """A doubt about how a file was read is one line, like an error, and is said for every file once its result stands:
@@ -72,6 +87,8 @@ def _short_warnings() -> Iterator[None]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit code: 0, 2 on bad input (one bad file of several), 130 when interrupted."""
     try:
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(errors="motionary")
         options = build_parser(COMMANDS).parse_args(arguments)
         with _short_warnings():
             options.run(options)
@@ -80,8 +97,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of a pipe went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (InputError, OSError) as error:
+    except InputError as error:
         print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        file = error.filename if isinstance(error.filename, str) else "a file"
+        print(f"error: {InputError(file, error.strerror or error, 'must be readable or writable')}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import decoded
+from motionary.files import read_text
 from motionary.motion.rigs import CENTRAL, REQUIRED, ROLES, SIDES, find_roles
 from motionary.motion.tree import common_ancestor, roles_by_tree
 
@@ -141,7 +141,9 @@ def load_mapping(given: Path | str | Mapping[str, Any]) -> Mapping[str, Any]:
     if isinstance(given, Mapping):
         return given
     try:
-        mapping = json.loads(decoded(Path(given).read_bytes()))
+        mapping = json.loads(read_text(given))
+    except InputError as error:
+        raise InputError(given, error.value, f"{error.rule}; a JSON file with a joint name for each role") from None
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(given, error, "a JSON file with a joint name for each role") from None
     if not isinstance(mapping, Mapping):

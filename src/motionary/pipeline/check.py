@@ -6,6 +6,7 @@ as a pool larger than its test split, only the stage can know.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -66,6 +67,7 @@ def check_system(name: str, own: Values, values: Values, root: Path) -> None:
     if "steps" in own:
         settings_of(own, name)
     check_data(own, name)
+    _check_model(f"{name}.language_model", own.get("language_model", ""))
     if not find(name).config:
         _check_count(f"{name}.batch_size", own.get("batch_size", 1), WIDEST)
     elif "settings" in own:
@@ -88,6 +90,9 @@ def _configure(name: str, own: Values, values: Values) -> None:
 def _check_variants(name: str, own: Values, values: Values) -> None:
     """Checks a section that trains one model for each name in its `settings`; each of these has its own section."""
     of_each = {key: value for key, value in own.items() if isinstance(value, Mapping)}
+    for field in fields(find(name).load(find(name).config)):
+        if field.name in of_each:
+            raise InputError(f"{name}.{field.name}", of_each[field.name], "must be a value, not a section")
     settings = own["settings"]
     if not isinstance(settings, list) or not settings or not set(settings) <= of_each.keys():
         raise InputError(f"{name}.settings", settings, f"must be a list of some of {', '.join(of_each)}")
@@ -99,6 +104,18 @@ def _check_variants(name: str, own: Values, values: Values) -> None:
             key = error.what.removeprefix(f"{name}.")
             where = f"{name}.{setting}.{key}" if key in values_of else error.what
             raise InputError(where, error.value, error.rule) from None
+
+
+def _check_model(key: str, model: Any) -> None:
+    """A frozen language model, "" for the packaged one, must be stored here before the stage that reads it."""
+    _check_text(key, model)
+    if model:
+        from motionary.language.frozen import state_dim
+
+        try:
+            state_dim(model)
+        except InputError as error:
+            raise InputError(key, model, error.rule) from None
 
 
 def _check_known(key: str, system: Any) -> None:
@@ -145,7 +162,7 @@ def _check_text(key: str, value: Any) -> None:
 
 def _check_language(name: str, own: Values, values: Values, root: Path) -> None:
     vectors = own.get("word_vectors", "auto")
-    if vectors not in VECTORS and not (isinstance(vectors, str) and (root / vectors).is_file()):
+    if vectors not in VECTORS and not (isinstance(vectors, str) and os.path.isfile(root / vectors)):
         raise InputError("language.word_vectors", vectors, f"must be one of {', '.join(VECTORS)}, or a GloVe text file")
 
 
