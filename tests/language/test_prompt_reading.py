@@ -54,6 +54,35 @@ def test_an_unknown_word_is_read_as_the_nearest_of_its_kind(vocabulary, meanings
     assert reading("a persn walks", vocabulary, meanings).replaced == {"persn": "person"}
 
 
+@pytest.mark.parametrize(
+    ("text", "read_as"),
+    [("a person hurls a ball", "a person throw a ball"), ("he sits on the sofa", "person sit on the chair")],
+)
+def test_a_synonym_stands_before_what_a_sentence_model_thinks_near(text, read_as, vocabulary, meanings):
+    found = reading(text, vocabulary, meanings)
+    assert found.words == read_as
+    assert found.replaced
+    assert "not known: " in found.line
+
+
+def test_what_is_not_to_happen_is_never_read_as_something_else(vocabulary, meanings):
+    vocabulary = Vocabulary.build(annotate([*CAPTIONS, "did you ever walk", "you ever jump"]))
+    found = reading("a person never sits", vocabulary, Meanings.of_words(vocabulary))
+    assert found.words == "a person <unknown> sit"
+    for text, word in [
+        ("a person never sits", "never"),
+        ("she doesn't jump", "not"),
+        ("walks without a chair", "without"),
+    ]:
+        assert f"systems hardly know {word}" in reading(text, vocabulary, meanings).line
+    assert "systems hardly know" not in reading("a person notably walks", vocabulary, meanings).line
+
+
+def test_a_foreign_prompt_is_told_the_language(vocabulary, meanings):
+    assert "prompts are read in English" in reading("ein xqzter geht im kreis", vocabulary, meanings).line
+    assert "in English" not in reading("a person xqzts", vocabulary, meanings).line
+
+
 def test_what_has_no_meaning_is_said_and_not_made_up(vocabulary, meanings):
     found = reading("a person xqzts", vocabulary, meanings)
     assert found.unknown
@@ -87,6 +116,15 @@ def test_a_typo_of_the_captions_stands_for_nothing(meanings):
     assert "wave" not in meanings.words  # once only
     assert "with" not in meanings.words
     assert {"person", "walk", "chair"} <= set(meanings.words)
+
+
+def test_a_misspelled_word_of_captions_is_not_what_another_is_read_as():
+    texts = ["a person is straifht and walks", "a person is straifht again", "a person walks upright"]
+    vocabulary = Vocabulary.build(annotate(texts))
+    meanings = Meanings.of(vocabulary, annotate(texts))
+    assert "straifht" in meanings.words
+    tag = meanings.tags[meanings.words.index("straifht")]
+    assert meanings.nearest("straight", tag) != "straifht"
 
 
 def test_the_packaged_model_computes_what_transformers_computes():

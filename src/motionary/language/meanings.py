@@ -12,6 +12,7 @@ import numpy as np
 from motionary.files import readable
 from motionary.language.annotate import Sentence, annotate
 from motionary.language.frozen import STATE_DIM, sentence_embeddings
+from motionary.language.spelling import is_english
 from motionary.language.vocabulary import Vocabulary
 
 FILE = "meanings.npz"
@@ -59,13 +60,14 @@ class Meanings:
         return cls(words, tags, sentence_embeddings(words))
 
     def nearest(self, word: str, tag: str) -> str | None:
-        """The word of a like class that means most nearly the same as an English word; None where none is near."""
-        alike = [row for row, other in enumerate(self.tags) if _alike(tag, other)]
-        if not alike:
-            return None
-        likeness = self.vectors[alike] @ sentence_embeddings([word])[0]
-        best = int(likeness.argmax())
-        return self.words[alike[best]] if likeness[best] >= NEAR else None
+        """The word of a like class that means most nearly the same as an English word; None where none is near.
+
+        Typos, which captions have too, stand for nothing.
+        """
+        likeness = self.vectors @ sentence_embeddings([word])[0]
+        near = (int(row) for row in np.argsort(-likeness) if likeness[row] >= NEAR)
+        alike = (row for row in near if _alike(tag, self.tags[row]))
+        return next((self.words[row] for row in alike if is_english(self.words[row])), None)
 
     def distance(self, text: str) -> tuple[float, str] | None:
         """Cosine distance, in [0, 2], of a text to the nearest training caption, and that; None without captions."""

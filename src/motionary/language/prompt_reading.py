@@ -10,9 +10,13 @@ from motionary.language.annotate import Sentence
 from motionary.language.lexicon import lexicon
 from motionary.language.meanings import Meanings
 from motionary.language.spelling import is_english
+from motionary.language.synonyms import synonym
+from motionary.language.text import tokenize
 from motionary.language.vocabulary import SPECIAL, UNKNOWN, Vocabulary
 
-FAR = 0.45  # from the nearest training caption; 99 of 100 human captions of unseen people of the CMU corpus are nearer
+FAR = 0.45  # from the nearest training caption: docs/bundle.md measures what people's captions have
+_NEGATIONS = frozenset(("not", "never", "no", "without", "cannot", "dont", "doesnt", "nobody", "none"))
+_SHORTEST = 3  # letters of a word that is read by its meaning
 # Words that mean the same to a motion: of each row the first that a corpus has stands for the others.
 _PEOPLE = (
     *("person", "someone", "somebody", "man", "woman", "human", "figure", "subject", "character", "individual"),
@@ -62,16 +66,25 @@ class PromptReading:
         return self.sentence.normalized
 
     @property
+    def negations(self) -> tuple[str, ...]:
+        """Words of the text that turn its sense round, which hardly any training caption does."""
+        return tuple(word for word in dict.fromkeys(tokenize(self.sentence.text)) if word in _NEGATIONS)
+
+    @property
     def line(self) -> str:
         """What a reader should know of it, in one line; empty where the text is read as it stands."""
         far = self.distance is not None and self.distance > FAR
-        if not (self.replaced or self.unknown or far):
+        if not (self.replaced or self.unknown or far or self.negations):
             return ""
         parts = [f'"{self.sentence.text}" is read as "{self.words}"']
         if self.replaced:
             parts.append("not known: " + ", ".join(f"{old} (nearest: {new})" for old, new in self.replaced.items()))
         if self.unknown:
             parts.append(f"without any meaning here: {', '.join(self.unknown)}")
+        if 2 * len(self.unknown) >= len(self.sentence.words):
+            parts.append("prompts are read in English")
+        if self.negations:
+            parts.append(f"say what is to happen, not what is not: systems hardly know {' '.join(self.negations)}")
         if self.distance is not None:
             what = "far from anything known: " if far else ""
             parts.append(f'{what}{self.distance:.2f} from the nearest training caption, "{self.nearest}"')
@@ -93,8 +106,8 @@ def read(sentence: Sentence, vocabulary: Vocabulary, meanings: Callable[[], Mean
     """A sentence in words of the vocabulary.
 
     A word that is not there is read as a form of it, as what a typo meant, as a common word of the same use ("he", "a
-    person"), or as the word nearest in meaning; auxiliaries and prepositions are left out. What is no English word
-    keeps the mark ``<unknown>``.
+    person"), as a synonym, or as the word nearest in meaning; auxiliaries and prepositions are left out. What is no
+    English word keeps the mark ``<unknown>``; so does what negates, which nothing else stands for.
 
     Args:
         sentence: as :func:`annotate` gives it.
@@ -108,7 +121,7 @@ def read(sentence: Sentence, vocabulary: Vocabulary, meanings: Callable[[], Mean
     for old, new, tag in zip(sentence.words, vocabulary.correct(sentence).words, sentence.tags, strict=True):
         if new == SPECIAL[UNKNOWN]:
             common = _common(old, vocabulary)
-            new = common if common is not None else _meant(old, tag, meanings)
+            new = common if common is not None else _meant(old, tag, vocabulary, meanings)
             if common is None:
                 replaced |= {old: new} if new else {}
                 unknown += [] if new else [old]
@@ -131,5 +144,10 @@ def _common(word: str, vocabulary: Vocabulary) -> str | None:
     return "" if word in _EMPTY else None
 
 
-def _meant(word: str, tag: str, meanings: Callable[[], Meanings]) -> str | None:
-    return meanings().nearest(word, tag) if is_english(word) else None
+def _meant(word: str, tag: str, vocabulary: Vocabulary, meanings: Callable[[], Meanings]) -> str | None:
+    if word in _NEGATIONS:
+        return None
+    same = synonym(word, vocabulary.__contains__)
+    if same is not None or len(word) < _SHORTEST or not is_english(word):
+        return same
+    return meanings().nearest(word, tag)
