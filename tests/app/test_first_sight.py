@@ -157,6 +157,15 @@ def test_what_is_shown_is_described_by_consensus(app, visitor):
     ).split("\n")
 
 
+def test_sentences_come_first_whose_motion_is_read_as_they_say(app, monkeypatch):
+    monkeypatch.setattr(app.dictionary, "caption", lambda motion: ["the person is walking slowly"])
+    opening = Opening(app.dictionary, app.opening._generators)
+    (first,) = opening.items()
+    assert first.said == opening.prompts[0]
+    assert "walks" in first.said
+    assert len(opening.prompts) == len(app.opening.prompts)
+
+
 def test_models_that_make_nothing_open_with_nothing(app, capsys):
     opening = Opening(app.dictionary, ())
     assert opening.items() == ()
