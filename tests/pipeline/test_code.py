@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -85,6 +86,42 @@ def test_comments_docstrings_and_layout_do_not_count_but_a_docstring_that_is_rea
     assert len(hashes) == 2
 
 
+def test_what_a_stage_cannot_use_does_not_count(tmp_path):
+    files = {
+        "__init__.py": "",
+        "a.py": "from motionary import b\nfrom motionary.c import Base, other\nLEFT, RIGHT = 0, 1\n"
+        "class Used(Base):\n    def f(self):\n        return _inner(LEFT) + b.g()\n"
+        "def _inner(x):\n    return x\ndef unused():\n    return other()\n",
+        "b.py": "def g():\n    return 1\ndef h():\n    return 2\n",
+        "c.py": "import math\nfrom motionary.d import value\nclass Base:\n    pass\ndef other():\n    return value\n",
+        "d.py": "value = 1\nprint(value)\n",
+    }
+    package = made(tmp_path, files, "from motionary.a import Used as U\nU().f()\n")
+    assert {"a.py:Used", "a.py:_inner", "a.py:LEFT", "a.py:RIGHT", "b.py:g", "c.py:Base", "d.py:value"} == {
+        place.removeprefix("src/motionary/") for place in Code(tmp_path).places("s") if ":" in place and "src" in place
+    }
+    before = code_hash(tmp_path, "s")
+    unseen = [("a.py", "other()", "0"), ("b.py", "return 2", "return 3"), ("c.py", "return value", "return 0")]
+    seen = [
+        ("a.py", "LEFT, RIGHT = 0, 1", "LEFT, RIGHT = 1, 0"),
+        ("b.py", "return 1", "return 3"),
+        ("d.py", "= 1", "= 2"),
+    ]
+    for file, old, new in (*unseen, *seen):
+        assert old in files[file]
+        (package / file).write_text(files[file].replace(old, new))
+        assert (code_hash(tmp_path, "s") != before) == ((file, old, new) in seen), (file, old)
+        (package / file).write_text(files[file])
+
+
+def test_a_name_that_means_something_else_counts(tmp_path):
+    files = {"__init__.py": "", "a.py": "from math import cos as f\ndef g():\n    return f(1)\n"}
+    package = made(tmp_path, files, "from motionary.a import g\ng()\n")
+    before = code_hash(tmp_path, "s")
+    (package / "a.py").write_text(files["a.py"].replace("cos", "sin"))
+    assert code_hash(tmp_path, "s") != before
+
+
 def test_what_is_called_infrastructure_exists(repository):
     for path in INFRASTRUCTURE:
         assert (repository / path).exists(), path
@@ -104,6 +141,15 @@ def project(repository, tmp_path_factory) -> Path:
     return root
 
 
+def mended(text: str) -> str:
+    """A module with a statement more in each of its functions."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            node.body.append(ast.parse("_changed = True").body[0])
+    return ast.unparse(tree)
+
+
 def listings(root: Path) -> dict[str, str]:
     code = Code(root)
     return {name: code.listing(name) for name in code.names()}
@@ -111,14 +157,15 @@ def listings(root: Path) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def reached(project):
-    """reached(file, old, new): the listings that change with a file of the package, by a statement more or replaced."""
+    """reached(file, old, new): the listings that change with a file of the package, by a text that is replaced or,
+    without one, by a statement more in every function."""
     before = listings(project)
 
-    def changed(file: str, old: str | None = None, new: str = "\n_changed = True\n") -> set[str]:
+    def changed(file: str, old: str | None = None, new: str = "") -> set[str]:
         path = project / "src" / "motionary" / file
         text = path.read_text()
         assert old is None or old in text
-        path.write_text(text + new if old is None else text.replace(old, new))
+        path.write_text(mended(text) if old is None else text.replace(old, new))
         after = listings(project)
         path.write_text(text)
         return {name for name, listing in before.items() if after[name] != listing}
@@ -189,7 +236,7 @@ def test_a_listing_that_has_not_changed_is_left_alone(project):
     (folder / "gone.txt").write_text("of a stage that is no more")
     loop = project / "src/motionary/systems/tm2t/captioner.py"
     text = loop.read_text()
-    loop.write_text(text + "\n_changed = True\n")
+    loop.write_text(mended(text))
     write_code(project)
     loop.write_text(text)
     changed = {file.stem for file in folder.iterdir() if file.stat().st_mtime_ns != stamps[file.name]}

@@ -68,6 +68,9 @@ EXEMPT = {
     "src/motionary/systems/renamed.py": "without models, refuses old names of keys",
 }
 
+# Called by infrastructure, which writes, lists and hashes files by it; what a stage's own code uses of it is hashed.
+FOR_INFRASTRUCTURE = "src/motionary/files.py"
+
 # Test data -----------------------------------------------------------------------------------------------------------
 
 ASF = (
@@ -182,7 +185,8 @@ def in_order(listed: list[dict]) -> list[dict]:
 
 @pytest.fixture(scope="module")
 def loaded(repository, tmp_path_factory) -> tuple[Path, dict[str, set[str]]]:
-    """The project, and the files of it that each stage (as `Code.names` has it) loaded or read on any corpus."""
+    """The project, and the files of it that each stage (as `Code.names` has it) loaded or read on any corpus, with the
+    functions and classes that it called as ``file:name``."""
     home = tmp_path_factory.mktemp("traced")
     root, logs = home / "project", home / "logs"
     logs.mkdir()
@@ -210,7 +214,7 @@ def loaded(repository, tmp_path_factory) -> tuple[Path, dict[str, set[str]]]:
     for log in logs.iterdir():
         name = log.name.split(" ")[1]
         lines = {line for line in log.read_text().splitlines() if line.split("/")[0] in ("src", "stages", "conf")}
-        found.setdefault(name, set()).update(line for line in lines if (root / line).is_file())
+        found.setdefault(name, set()).update(line for line in lines if (root / line.split(":")[0]).is_file())
     return root, found
 
 
@@ -220,9 +224,21 @@ def test_all_that_a_stage_loads_is_hashed(loaded):
     missing = {}
     for name, files in found.items():
         hashed = code.files(name) | INFRASTRUCTURE | set(EXEMPT)
-        missing[name] = sorted(file for file in files if not {file, str(Path(file).parent)} & hashed)
+        opened = {file for file in files if ":" not in file}
+        missing[name] = sorted(file for file in opened if not {file, str(Path(file).parent)} & hashed)
     assert {name: files for name, files in missing.items() if files} == {}
     assert all("src/motionary/training/settings.py" in code.files(name) for name in TRAINED)
+
+
+def test_all_that_a_stage_calls_is_hashed(loaded):
+    root, found = loaded
+    code, exempt = Code(root), INFRASTRUCTURE | set(EXEMPT) | {FOR_INFRASTRUCTURE}
+    called = {name: {line for line in lines if ":" in line} for name, lines in found.items()}
+    assert all(len(places) > 50 for places in called.values())
+    assert "src/motionary/files.py:atomic_folder" in called["preprocess"]
+    missing = {name: sorted(places - code.places(name)) for name, places in called.items()}
+    missing = {name: [p for p in places if p.split(":")[0] not in exempt] for name, places in missing.items()}
+    assert {name: places for name, places in missing.items() if places} == {}
 
 
 def test_every_stage_and_every_reader_was_seen(loaded):

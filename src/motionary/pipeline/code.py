@@ -1,9 +1,10 @@
-"""What the code of a stage is: every file of the project that the stage loads or reads, found in its imports.
+"""What the code of a stage is: every function, class and table of the project that the stage can use, found by
+following names from the stage's file on.
 
 The stage `code` writes it down before all others, one listing for each stage; DVC compares the listings, so that a
-stage runs again exactly when code that can change its outputs has changed. A line is the hash of what counts and where
-it stands, so that two listings tell what has changed. Comments, docstrings
-and layout do not count.
+stage runs again exactly when code that can change its outputs has changed. A line is the hash of one definition and
+where it stands, so that two listings tell what has changed. Comments, docstrings, layout, and functions beside those
+that the stage can use do not count.
 """
 
 from __future__ import annotations
@@ -11,14 +12,15 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from motionary.pipeline.imports import imported
+from motionary.pipeline.definitions import Definitions, Import, Uses
+from motionary.pipeline.imports import located
 from motionary.pipeline.workspace import content_hash
 from motionary.systems.registry import System, known
 from motionary.systems.serving import filled, served_by
@@ -33,6 +35,7 @@ INFRASTRUCTURE = frozenset(
         "lazy",
         "pipeline/__init__",
         "pipeline/code",
+        "pipeline/definitions",
         "pipeline/delivery",
         "pipeline/imports",
         "pipeline/journal",
@@ -50,19 +53,9 @@ INFRASTRUCTURE = frozenset(
         "training/__init__",
     )
 )
-
-
-@dataclass(frozen=True)
-class Part:
-    """A file, or of it the module level and what these functions reach."""
-
-    file: Path
-    functions: tuple[str, ...] | None = None
-
-    @property
-    def place(self) -> str:
-        """What of the file counts, as a listing shows it."""
-        return "" if self.functions is None else f":{','.join(self.functions)}"
+ALL, TOP = "*", ""
+# A file, and what of it counts: a name that it defines, ALL that it defines, or TOP, what runs when it is imported.
+Part = tuple[Path, str]
 
 
 class Code:
@@ -75,9 +68,12 @@ class Code:
 
     def __init__(self, root: Path, params: Mapping[str, Any] | None = None):
         self.root, self._given = root, params
-        self._trees: dict[Path, ast.Module] = {}
+        self._modules: dict[Path, Definitions] = {}
         self._digests: dict[Part, str] = {}
-        self._imports: dict[Part, list[Part]] = {}
+        self._used: dict[Part, Uses] = {}
+        self._names: dict[Path, str] = {}
+        self._reached: dict[Part, list[Part]] = {}
+        self._beside: dict[Path, dict[str, Path]] = {}
 
     def names(self) -> list[str]:
         """What there are listings of: a stage, or, where a stage scores one system after the other, it and a system."""
@@ -87,31 +83,29 @@ class Code:
 
     def listing(self, name: str) -> str:
         """Hash and place of all code that counts for a stage (as `names` has it), a line each."""
-        stage, _, system = name.partition("@")
-        systems, parts = self._systems(stage, system)
-        places = {f"{self._relative(part.file)}{part.place}": part for part in self.reach(parts)}
-        lines = [f"{self._hash(places[place])} {place}" for place in sorted(places)]
+        systems, parts = self._systems(*name.partition("@")[::2])
+        hashes = {self._place(part): self._hash(part) for part in self.reach(parts)}
+        lines = [f"{hashes[place]} {place}" for place in sorted(hashes) if hashes[place]]
         return "\n".join([*lines, *map(repr, systems)]) + "\n"
 
     def files(self, name: str) -> set[str]:
-        """Paths, relative to the project, of the files and folders that a listing covers."""
-        return {self._relative(part.file) for part in self.reach(self._systems(*name.partition("@")[::2])[1])}
+        """Paths, relative to the project, of the files and folders that a listing looks into."""
+        return {self._relative(file) for file, _ in self.reach(self._systems(*name.partition("@")[::2])[1])}
+
+    def places(self, name: str) -> set[str]:
+        """``file:name`` of every definition in a listing, the path relative to the project."""
+        return {self._place(part) for part in self.reach(self._systems(*name.partition("@")[::2])[1])}
 
     def reach(self, parts: Iterable[Part]) -> list[Part]:
-        """These parts, every part of the project that they import, and the data of all these; no infrastructure."""
+        """These parts, every part of the project that they use, and the data of all these; no infrastructure."""
         seen: set[Part] = set()
         queue = list(parts)
         while queue:
             part = queue.pop()
             if part not in seen:
                 seen.add(part)
-                queue += self._reached(part)
-        whole = {part.file for part in seen if part.functions is None}
-        return [
-            p
-            for p in seen
-            if self._relative(p.file) not in INFRASTRUCTURE and (p.functions is None or p.file not in whole)
-        ]
+                queue += self._next(part)
+        return [part for part in seen if part[1] != ALL and not self._infrastructure(part[0])]
 
     # Where the code of a stage begins --------------------------------------------------------------------------------
 
@@ -121,7 +115,7 @@ class Code:
         A stage that makes a system builds it on the networks that it needs. Any other opens what lies among its
         dependencies of models/, with all that this asks for, and may use whatever it offers.
         """
-        file = Part(self.root / "stages" / f"{stage}.py")
+        file = (self.root / "stages" / f"{stage}.py", ALL)
         if stage in known():
             # How a system is served does not matter to what is trained.
             own = replace(known()[stage], serves_with=(), offers={})
@@ -135,15 +129,11 @@ class Code:
         return opened, [file, *(part for system in opened for part in self._of(system))]
 
     def _of(self, system: System) -> list[Part]:
-        """The system's network, the functions that build or open it, and the packages on the way; nothing of what lies
-        in another project."""
-        family = self.root / "src" / system.module.replace(".", "/")
-        functions = tuple(sorted({name for name in (system.build, *system.offers.values()) if name}))
-        parts = [Part(family / "__init__.py", ())]
-        modules = {place.split(".")[0] for place in (system.model, system.config) if place}
-        parts += [Part(family / f"{module}.py") for module in sorted(modules)]
-        parts += [Part(family / "system.py", functions)] if functions else []
-        return [part for part in parts if part.file.is_file()]
+        """The system's network, its settings, and the functions that build or open it; nothing of another project."""
+        functions = [f"system.{name}" for name in (system.build, *system.offers.values()) if name]
+        places = [place.split(".") for place in (system.model, system.config, *functions) if place]
+        found = [part for module, name in places for part in self._lead((f"{system.module}.{module}", name))]
+        return [part for part in found if part[0].is_file()]
 
     def _section(self, name: str) -> Mapping[str, Any]:
         found = self._params.get(name)
@@ -171,55 +161,111 @@ class Code:
 
     # What a part is and reaches --------------------------------------------------------------------------------------
 
-    def _tree(self, file: Path) -> ast.Module:
-        if file not in self._trees:
-            text = file.read_text(encoding="utf-8")
-            self._trees[file] = tree = ast.parse(text)
-            if "__doc__" not in text:
-                _drop_docstrings(tree)
-        return self._trees[file]
+    def _module(self, file: Path) -> Definitions:
+        if file not in self._modules:
+            inside = file.is_relative_to(self._source)
+            self._modules[file] = Definitions(file, file.relative_to(self._source).parts[:-1] if inside else ())
+        return self._modules[file]
 
-    def _nodes(self, part: Part) -> list[ast.AST]:
-        """The syntax of a module that counts."""
-        tree = self._tree(part.file)
-        if part.functions is None:
-            return [tree]
-        defined = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-        reached, queue = {}, list(part.functions)
-        while queue:
-            name = queue.pop()
-            if name in defined and name not in reached:
-                reached[name] = defined[name]
-                queue += [node.id for node in ast.walk(defined[name]) if isinstance(node, ast.Name)]
-        return [*(node for node in tree.body if node not in defined.values()), *(reached[n] for n in sorted(reached))]
+    def _nodes(self, part: Part) -> list[ast.stmt]:
+        module = self._module(part[0])
+        return module.statements if part[1] == TOP else module.nodes.get(part[1], [])
+
+    def _uses(self, part: Part) -> Uses:
+        if part not in self._used:
+            self._used[part] = self._module(part[0]).uses(self._nodes(part))
+        return self._used[part]
 
     def _hash(self, part: Part) -> str:
-        """Hash of what counts: syntax of a module, bytes of anything else."""
+        """Hash of the syntax of a definition and of what its names mean, or of the bytes of data; "" of nothing."""
         if part not in self._digests:
-            module = part.file.suffix == ".py"
-            self._digests[part] = (
-                _digest("\n".join(map(ast.dump, self._nodes(part)))) if module else content_hash(part.file)
-            )
+            file = part[0]
+            self._digests[part] = self._digest_of(part) if file.suffix == ".py" else content_hash(file)
         return self._digests[part]
 
-    def _reached(self, part: Part) -> list[Part]:
-        """What a part imports, and its data.
+    def _digest_of(self, part: Part) -> str:
+        nodes, module, used = self._nodes(part), self._module(part[0]), self._uses(part)
+        if not nodes:
+            return ""
+        meant = [f"{name}={module.imports[name]}" for name in module.imports if name in used.names | {*used.attributes}]
+        return _digest("\n".join([*map(ast.dump, nodes), *sorted(meant)]))
 
-        A package that is only passed on the way to a module runs its module level: it is a part with no functions,
-        and the modules that it names in tables are not used.
-        """
-        if part.file.suffix != ".py":
+    def _next(self, part: Part) -> list[Part]:
+        """What a part uses, and its data. Of infrastructure only the packages on the way to it run."""
+        file, name = part
+        if file.suffix != ".py":
             return []
-        if part not in self._imports:
-            nodes = self._nodes(part)
-            found, passed = imported(self.root / "src", part.file, nodes, tables=part.functions != ())
-            infrastructure = self._relative(part.file) in INFRASTRUCTURE
-            parts = [] if infrastructure else [Part(file) for file in [*found, *_data(part.file, nodes)]]
-            self._imports[part] = [*parts, *(Part(file, ()) for file in passed)]
-        return self._imports[part]
+        if part not in self._reached:
+            module = self._module(file)
+            if self._infrastructure(file):
+                found = [p for of in module.imports.values() for p in self._lead(of) if p[1] == TOP]
+            elif name == TOP:
+                found = self._run_by(module)
+            elif name == ALL:
+                found = [(file, TOP), *((file, defined) for defined in (*module.nodes, *module.imports))]
+            elif name in module.nodes:
+                found = [(file, TOP)]
+            elif name in module.imports:
+                found = [(file, TOP), *self._lead(module.imports[name])]
+            else:
+                found = [(file, ALL)]
+            if not self._infrastructure(file):
+                found = [*found, *self._used_by(file, self._uses(part))]
+            self._reached[part] = found
+        return self._reached[part]
+
+    def _run_by(self, module: Definitions) -> list[Part]:
+        """What an import of a module runs: other modules, of which nothing is used yet."""
+        found = [(of, self._lead(of)) for of in module.imports.values()]
+        return [(file, TOP if of[1] else name) for of, parts in found for file, name in parts]
+
+    def _used_by(self, file: Path, used: Uses) -> list[Part]:
+        """What syntax in a file uses: definitions beside it, imported ones, what its strings name, and data."""
+        module, found = self._module(file), list[Part]()
+        for name in used.names | used.attributes.keys():
+            if name in module.nodes:
+                found.append((file, name))
+            elif name in module.imports:
+                found += self._lead(
+                    module.imports[name], used.attributes.get(name, ()) if name not in used.names else ()
+                )
+        found += [part for of in used.imports for part in self._lead(of)]
+        # A package that a string names holds data that is read; what its modules define is not used by that.
+        packages = [(part, part[0].name == "__init__.py") for of in used.tabled() for part in self._lead(of)]
+        found += [(part[0], TOP) if package and part[1] == ALL else part for part, package in packages]
+        beside = self._files_beside(file)
+        return [*found, *((beside[text], TOP) for text in used.texts & beside.keys())]
+
+    def _lead(self, of: Import, attributes: Iterable[str] = ()) -> list[Part]:
+        """The parts that an import leads to; where it is a module, of which only attributes are looked up, these."""
+        found, passed = located(self._source, *of)
+        parts: list[Part] = [(init, TOP) for init in passed]
+        for file, name in found:
+            names = [name] if name else [*attributes] or [ALL]
+            parts += [(file, name) for name in names]
+        return parts
+
+    def _files_beside(self, file: Path) -> dict[str, Path]:
+        """Files, and folders of files, in the folder of a module that are no code, by name."""
+        if file.parent not in self._beside:
+            data = [path for path in file.parent.iterdir() if path.suffix != ".py" and not any(path.glob("*.py"))]
+            self._beside[file.parent] = {path.name: path for path in data}
+        return self._beside[file.parent]
+
+    @property
+    def _source(self) -> Path:
+        return self.root / "src"
+
+    def _infrastructure(self, file: Path) -> bool:
+        return self._relative(file) in INFRASTRUCTURE
+
+    def _place(self, part: Part) -> str:
+        return ":".join(filter(None, (self._relative(part[0]), part[1])))
 
     def _relative(self, path: Path) -> str:
-        return path.relative_to(self.root).as_posix()
+        if path not in self._names:
+            self._names[path] = path.relative_to(self.root).as_posix()
+        return self._names[path]
 
 
 def code_hash(root: Path, name: str, params: Mapping[str, Any] | None = None) -> str:
@@ -243,21 +289,6 @@ def write_code(root: Path) -> None:
     for name, text in listings.items():
         if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text:
             (folder / name).write_text(text, encoding="utf-8")
-
-
-def _drop_docstrings(tree: ast.Module) -> None:
-    """Takes the docstrings out of a module."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef) and ast.get_docstring(node, clean=False):
-            del node.body[0]
-
-
-def _data(file: Path, nodes: Iterable[ast.AST]) -> list[Path]:
-    """What a module reads of what lies beside it: the files, and the folders of files, that it names in full."""
-    constants = (node for tree in nodes for node in ast.walk(tree) if isinstance(node, ast.Constant))
-    names = {node.value for node in constants if isinstance(node.value, str)}
-    beside = (path for path in file.parent.iterdir() if path.name in names)
-    return [path for path in beside if path.suffix != ".py" and not any(path.glob("*.py"))]
 
 
 def _digest(text: str) -> str:
