@@ -91,6 +91,26 @@ def test_a_motion_goes_on_with_what_follows_and_goes_along_a_path(app, visitor):
     assert "must be points x,z" in visitor.notes[-1]
 
 
+def test_a_motion_goes_through_poses_of_what_is_shown(app, visitor):
+    visitor.ask("Prompt", "a person walks")
+    visitor.ask("Seconds", 2.0)
+    visitor.enter()
+    visitor.says("Read as: a person walk")
+    before = shown(app)[0]
+    visitor.ask("Prompt", "a person jumps")
+    visitor.ask("Poses", "1=1@0.5")
+    visitor.texts.clear()
+    visitor.enter()
+    visitor.says("Read as: a person jump")
+    after = shown(app)[0]
+    frames = round(after.fps), round(0.5 * before.fps)
+    assert np.abs(after.positions[frames[0]] - before.positions[frames[1]]).max() < 0.01
+    visitor.ask("Poses", "1=4")
+    visitor.enter()
+    visitor.until(lambda: visitor.notes, "a refusal")
+    assert "motions on show: 1" in visitor.notes[-1]
+
+
 def test_styles_go_on_from_what_is_shown_and_not_from_the_last_upload(app, visitor, tmp_path):
     walk = demo_clip(3)[0]
     walk.save(tmp_path / "walk.npz")

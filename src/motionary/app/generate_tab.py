@@ -8,6 +8,7 @@ from functools import partial
 from motionary.app import limits
 from motionary.app.limits import among, within
 from motionary.app.player import Item
+from motionary.app.poses import read_poses
 from motionary.app.visit import Visit
 from motionary.app.wording import plain, short, titles
 from motionary.errors import InputError
@@ -46,6 +47,8 @@ class GenerateTab:
             self._loop = gui.add_checkbox("Loop", False, hint="it ends as it begins")
             hint = "points of the ground to go along, in metres: 0,0 0,2 2,3 (x to the left, z ahead)"
             self._path = gui.add_text("Path", "", hint=hint)
+            hint = "poses of what is shown to go through: 2=1@0.5 is, at 2 s, that of motion 1 at its second 0.5"
+            self._poses = gui.add_text("Poses", "", hint=hint)
         self._system.on_update(lambda _: self._tell())
         form.on_submit(lambda _: self._start())
         button.on_click(lambda _: self._start())
@@ -76,7 +79,9 @@ class GenerateTab:
         name, seed = among("system", self._system.value, self._generators), visit.seeded(self._seed)
         feet = bool(self._feet.value)
         path = read_points(short(str(self._path.value), limits.MOST_LETTERS)) or None
-        asked = partial(visit.dictionary.generate, join=len(texts) > 1, loop=bool(self._loop.value), path=path)
+        poses = read_poses(short(str(self._poses.value), limits.MOST_LETTERS), visit.items) or None
+        how = {"join": len(texts) > 1, "loop": bool(self._loop.value), "path": path, "keyframes": poses}
+        asked = partial(visit.dictionary.generate, **how)
         motions = visit.turns.on_models(asked, texts if len(texts) > 1 else texts[0], n, length, name, seed, feet)
         lines = [read_line(visit.turns.on_models(visit.dictionary.reading, text)) for text in texts]
         visit.show(of_one_text(motions, ", then ".join(texts)), "  \n".join(lines))
