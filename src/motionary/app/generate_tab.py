@@ -8,7 +8,7 @@ from functools import partial
 from motionary.app import limits
 from motionary.app.limits import among, within
 from motionary.app.player import Item
-from motionary.app.poses import read_poses
+from motionary.app.shown_poses import read_poses
 from motionary.app.visit import Visit
 from motionary.app.wording import plain, short, titles
 from motionary.errors import InputError

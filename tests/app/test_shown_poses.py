@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from motionary.app.player import Item
-from motionary.app.poses import read_poses
+from motionary.app.shown_poses import read_poses
 from motionary.corpus.demo import demo_clip
 from motionary.errors import InputError
 
