@@ -154,7 +154,7 @@ def _starts_with_t_pose(roles: Mapping[str, int], positions: np.ndarray, rotatio
     steps = np.concatenate(
         [_steps(positions[max(some.start - 1, 0) : some.stop]) for some in stretches(len(positions))]
     )
-    resting = (np.abs(rotations[:2, 1:, 3]) > _UNTURNED).all(1)
+    resting = [bool((np.abs(turns) > _UNTURNED).all()) for turns in rotations[:2, 1:, 3]]
     return bool(steps[0] > 0.05 and (steps[0] > 5 * np.percentile(steps[1:], 95) or (resting[0] and not resting[1])))
 
 

@@ -118,6 +118,6 @@ def _defined(node: ast.stmt) -> list[str]:
 
 def _drop_docstrings(tree: ast.Module) -> None:
     for node in ast.walk(tree):
-        documented = ast.Module | ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
-        if isinstance(node, documented) and ast.get_docstring(node, clean=False):
-            del node.body[0]
+        if isinstance(node, ast.Module | ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            if ast.get_docstring(node, clean=False):
+                del node.body[0]
