@@ -17,7 +17,7 @@ import yaml
 from motionary.errors import InputError
 from motionary.pipeline.code import code_hash
 from motionary.study import __main__ as runner
-from motionary.study.compare import comparisons, measured, study_tables
+from motionary.study.compare import comparisons, measured, measured_all, study_tables
 from motionary.study.experiments import compose, read_pipeline, read_study, scoring_stage, sections_read, with_values
 
 # The project's own study ------------------------------------------------------------------------------------------
@@ -143,6 +143,13 @@ def test_dry_prints_commands_that_a_shell_reads_back(repository, tmp_path, monke
     assert "--only: tall: must be among short" in capsys.readouterr().err
 
 
+def test_a_study_is_named_as_its_folder_of_results_may_be(repository, tmp_path):
+    path = tmp_path / "evaluation.yaml"  # reports/evaluation/ holds other results
+    path.write_text(yaml.safe_dump({"base": [], "experiments": {"a": {"systems": ["text2token"]}}}))
+    with pytest.raises(InputError, match=r"NAME_study\.yaml"):
+        read_study(repository, path)
+
+
 @pytest.mark.parametrize(
     ("change", "named"),
     [
@@ -202,7 +209,7 @@ def test_done_means_the_same_configuration(shipped, tmp_path):
     fill(tmp_path, first, 0.0)
     assert runner.is_done(tmp_path, first)
     assert not runner.is_done(tmp_path, second)
-    (tmp_path / runner.FOLDER / second.name).mkdir()
+    (tmp_path / second.folder).mkdir()
     assert not runner.is_done(tmp_path, second), "a folder without a record is a killed one"
     assert not runner.is_done(tmp_path, replace(first, key=second.key)), "another configuration, other results"
 
@@ -214,7 +221,7 @@ def test_runs_of_other_code_are_named(shipped, tmp_path):
     first, second = of_entry(shipped, "main")[:2]
     for experiment in (first, second):
         fill(tmp_path, experiment, 0.0)
-    report = tmp_path / runner.FOLDER / second.name / "tokenizer.json"
+    report = tmp_path / second.folder / "tokenizer.json"
     report.write_text(json.dumps({"codes": {"used": 1.0}, "code": code_hash(tmp_path, "tokenizer")}))
     assert "other code" not in runner.write_results(tmp_path, shipped)
     code.write_text("second = 2\n")
@@ -247,7 +254,7 @@ def test_nothing_half_collected_stays(shipped, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         runner.collect(tmp_path, experiment, ["reports/preprocess.json", "reports/tokenizer.json"], read)
     assert not runner.is_done(tmp_path, experiment)
-    assert not (tmp_path / runner.FOLDER / experiment.name).exists()
+    assert not (tmp_path / experiment.folder).exists()
 
 
 def test_differences_are_paired_by_seed(shipped, tmp_path):
@@ -259,7 +266,7 @@ def test_differences_are_paired_by_seed(shipped, tmp_path):
     fill(tmp_path, of_entry(shipped, "control_updates")[1], -0.09)
 
     text = runner.write_results(tmp_path, shipped)
-    summary = json.loads((tmp_path / runner.FOLDER / "study.json").read_text())
+    summary = json.loads((tmp_path / shipped.folder / "study.json").read_text())
     found = {(r["minus"], r["metric"]): r for r in summary["differences"] if r["of"] == "main inverse_alignment"}
     gain = found["control_time inverse_alignment", "R@3"]
     assert gain["pairs"] == 3
@@ -270,7 +277,7 @@ def test_differences_are_paired_by_seed(shipped, tmp_path):
     assert (alone["pairs"], alone["half"]) == (1, None)
     assert alone["mean"] == pytest.approx(0.02)
 
-    assert (tmp_path / runner.FOLDER / "table.md").read_text() == text
+    assert (tmp_path / shipped.folder / "table.md").read_text() == text
     assert "| main inverse_alignment - control_time inverse_alignment | 3 |" in text
     assert "0.030 ± 0.025" in text
     assert "| control_updates: inverse_alignment | 1 | 0.410 ± 0.010 |" in text  # alone: the evaluation's own interval
@@ -287,7 +294,7 @@ def test_ablations_are_compared_with_the_full_system_of_their_seed_at_both_lengt
     for experiment, shift in zip(of_entry(shipped, "no_attention"), (0.0, 0.0, 0.0), strict=True):
         fill(tmp_path, experiment, shift)
     text = runner.write_results(tmp_path, shipped)
-    summary = json.loads((tmp_path / runner.FOLDER / "study.json").read_text())
+    summary = json.loads((tmp_path / shipped.folder / "study.json").read_text())
     found = {r["metric"]: r for r in summary["differences"] if r["minus"] == "no_attention text2motion"}
     for metric in ("R@3", "Real lengths R@3"):
         assert found[metric]["mean"] == pytest.approx(0.03)
@@ -317,10 +324,44 @@ def test_stylization_is_measured_by_its_own_stage(shipped, tmp_path):
     assert differences.rows[0][2].startswith("0.300")
 
 
+def test_motions_of_actions_are_compared_row_by_row(repository, tmp_path, monkeypatch):
+    monkeypatch.setattr("motionary.study.experiments._roots_override", lambda root, roots: [])
+    study = read_study(repository, repository / "conf/action_study.yaml")
+    assert len(study.experiments) == 6
+    assert [e.name for e in study.experiments[:2]] == ["cmu_actions-0", "styled-0"]
+    assert len({e.key for e in study.experiments}) == 6
+    assert all(e.folder.parent == study.folder == Path("reports/action_study") for e in study.experiments)
+    configs = {e.name: compose(repository, e.overrides) for e in study.experiments}
+    assert {c["action_evaluator"]["seed"] for c in configs.values()} == {0}, "one judge for all seeds"
+    assert {tuple(Path(root).name for root in c["data"]["roots"]) for c in configs.values()} == {
+        ("cmu_actions",),
+        ("styled",),
+    }
+    for experiment, shift in zip(of_entry(study, "cmu_actions"), (0.1, 0.2, 0.3), strict=True):
+        rows = {"plain": {"fid": {"mean": 5.0 + shift}}, "lie": {"fid": {"mean": 5.0}, "accuracy": {"mean": 0.5}}}
+        found = {"coarse": {"rows": rows}, "physics": {"plain": {"foot_skating": 0.4}}}
+        (tmp_path / experiment.name).mkdir()
+        (tmp_path / experiment.name / "action_evaluation.json").write_text(json.dumps({"action_generation": found}))
+    done = of_entry(study, "cmu_actions")
+    runs = {e.name: measured_all(tmp_path / e.name, e.systems) for e in done}
+    differences = comparisons(study, runs)
+    assert [(r["of"], r["minus"]) for r in differences] == [
+        ("cmu_actions action_evaluation/plain", "cmu_actions action_evaluation/lie")
+    ]
+    assert (differences[0]["metric"], differences[0]["pairs"]) == ("FID of actions", 3)
+    assert differences[0]["mean"] == pytest.approx(0.2)
+    assert differences[0]["half"] == pytest.approx(4.3027 * 0.1 / 3**0.5, rel=1e-4)
+    means, paired = study_tables(study, runs, differences)
+    assert (means.title, paired.title) == ("Motions of actions", "Paired differences of actions")
+    assert means.columns[2:] == ["FID of actions", "Accuracy", "Foot skating (m/s)"]
+    assert [row[0] for row in means.rows] == [f"cmu_actions: action_evaluation/{name}" for name in ("plain", "lie")]
+    assert means.rows[0][2].startswith("5.200 ± 0.248")
+
+
 def test_measured_leaves_out_what_is_not_there(shipped, tmp_path):
     experiment = of_entry(shipped, "main")[0]
     fill(tmp_path, experiment, 0.0)
-    folder = tmp_path / runner.FOLDER / experiment.name
+    folder = tmp_path / experiment.folder
     values = measured(folder, "motion2text")
     assert values["BLEU-4"].mean == 0.7
     assert values["BLEU-4, captioned"].mean == 0.5

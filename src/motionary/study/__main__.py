@@ -1,7 +1,8 @@
 """Seeds, splits, controls, ablations and baselines as DVC experiments: ``python -m motionary.study``.
 
 Every experiment runs in a temporary copy of the project (the workspace and its results stay), shares unchanged stages
-with all others through DVC's run cache, and leaves its reports in ``reports/study/<name>/``. A study that was killed
+with all others through DVC's run cache, and leaves its reports in ``reports/study/<name>/`` (those of another file with
+``--study``, in a folder of its name). A study that was killed
 goes on where it stopped: whole experiments by these folders, whole stages by the run cache, and inside a training by
 its checkpoint.
 """
@@ -21,7 +22,7 @@ from typing import Any
 from motionary.errors import InputError
 from motionary.files import atomic_folder, write_bytes
 from motionary.pipeline.code import code_hash
-from motionary.study.compare import comparisons, measured, study_tables
+from motionary.study.compare import comparisons, measured_all, study_tables
 from motionary.study.experiments import (
     Experiment,
     Study,
@@ -33,7 +34,7 @@ from motionary.study.experiments import (
     with_values,
 )
 
-FOLDER, RECORD = Path("reports/study"), "experiment.json"
+RECORD = "experiment.json"
 
 
 def needed_reports(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[str]:
@@ -43,9 +44,9 @@ def needed_reports(pipeline: Mapping[str, Any], systems: Sequence[str]) -> list[
 
 
 def is_done(root: Path, experiment: Experiment) -> bool:
-    """Whether the results of exactly this configuration lie in reports/study."""
+    """Whether the results of exactly this configuration lie in its folder."""
     try:
-        record = json.loads((root / FOLDER / experiment.name / RECORD).read_text())
+        record = json.loads((root / experiment.folder / RECORD).read_text())
     except (OSError, ValueError):
         return False
     return record.get("key") == experiment.key
@@ -53,7 +54,7 @@ def is_done(root: Path, experiment: Experiment) -> bool:
 
 def is_current(root: Path, experiment: Experiment, code: Callable[[str], str]) -> bool:
     """Whether the reports of an experiment that is done name the `code` that its stages have now."""
-    for path in (root / FOLDER / experiment.name).rglob("*.json"):
+    for path in (root / experiment.folder).rglob("*.json"):
         stage = f"evaluation@{path.stem}" if path.parent.name == "evaluation" else path.stem
         named = json.loads(path.read_text()).get("code")
         if named is not None and named != code(stage):
@@ -91,7 +92,7 @@ def collect(root: Path, experiment: Experiment, reports: Sequence[str], read: Ca
         "systems": experiment.systems,
         "dvc_experiment": experiment.reference,
     }
-    with atomic_folder(root / FOLDER / experiment.name) as folder:
+    with atomic_folder(root / experiment.folder) as folder:
         for path in reports:
             target = folder / Path(path).relative_to("reports")
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -100,9 +101,9 @@ def collect(root: Path, experiment: Experiment, reports: Sequence[str], read: Ca
 
 
 def write_results(root: Path, study: Study) -> str:
-    """Writes reports/study/table.md and study.json of what is done so far; returns the tables as Markdown."""
+    """Writes table.md and study.json of the study's folder, of what is done so far; returns the tables as Markdown."""
     done = [e for e in study.experiments if is_done(root, e)]
-    runs = {e.name: {s: measured(root / FOLDER / e.name, s) for s in e.systems} for e in done}
+    runs = {e.name: measured_all(root / e.folder, e.systems) for e in done}
     missing = [e for e in study.experiments if e not in done]
     code = cache(lambda stage: code_hash(root, stage))
     older = [e for e in done if not is_current(root, e, code)]
@@ -121,8 +122,8 @@ def write_results(root: Path, study: Study) -> str:
         for e in done
     }
     summary = {"experiments": experiments, "differences": found, "missing": [e.name for e in missing]}
-    write_bytes(root / FOLDER / "table.md", text)
-    write_bytes(root / FOLDER / "study.json", json.dumps(summary, indent=1) + "\n")
+    write_bytes(root / study.folder / "table.md", text)
+    write_bytes(root / study.folder / "study.json", json.dumps(summary, indent=1) + "\n")
     return text
 
 
@@ -170,7 +171,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", metavar="NAME,...", help="these experiments (main, or main-0 for one run of it)")
     parser.add_argument("--again", action="store_true", help="run done ones too (unchanged stages are not repeated)")
     parser.add_argument("--roots", nargs="+", metavar="FOLDER", help="data roots in place of the study's")
-    parser.add_argument("--study", type=Path, default=Path("conf/study.yaml"), help="what to run (conf/study.yaml)")
+    parser.add_argument(
+        "--study",
+        type=Path,
+        default=Path("conf/study.yaml"),
+        help="what to run (conf/study.yaml; conf/action_study.yaml)",
+    )
     options = parser.parse_args(arguments)
     root = Path.cwd()
     try:

@@ -39,6 +39,13 @@ _STYLED = tuple(
     for heading, key in SCORED
     if key in ("style_accuracy", "content_accuracy", "content_fid", "geodesic", "diversity")
 )  # as in thesis Table 5.6
+_ACTED = {
+    "FID of actions": "fid",
+    "Accuracy": "accuracy",
+    "Diversity": "diversity",
+    "Multimodality": "multimodality",
+}  # as in thesis Tables 3.2 and 3.3
+_SKATING = "Foot skating (m/s)"
 _COMPARED = ("R@1", "R@3", "FID", *_HELD, *_JOINTS, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3", *_CONSENSUS)
 
 
@@ -83,6 +90,19 @@ def measured(folder: Path, system: str) -> dict[str, Measure]:
     return {name: _measure(value) for name, value in values.items() if value is not None}
 
 
+def measured_all(folder: Path, systems: Sequence[str]) -> dict[str, dict[str, Measure]]:
+    """As :func:`measured`, by system, and of motions of action labels by "system/row", such as
+    "action_evaluation/plain"."""
+    found = {system: measured(folder, system) for system in systems}
+    for system in systems:
+        scored = at(_read(folder / f"{system}.json"), "action_generation") or {}
+        for row, values in (at(scored, "coarse", "rows") or {}).items():
+            skating = at(scored, "physics", row, "foot_skating")
+            every = {name: values.get(key) for name, key in _ACTED.items()} | {_SKATING: skating}
+            found[f"{system}/{row}"] = {name: _measure(value) for name, value in every.items() if value is not None}
+    return found
+
+
 def _measure(value: Any) -> Measure:
     """Of a number, or of a {"mean", "half"} as reports hold it."""
     return Measure(float(value["mean"]), value.get("half")) if isinstance(value, Mapping) else Measure(float(value))
@@ -123,7 +143,7 @@ def comparisons(study: Study, runs: Runs) -> list[dict[str, Any]]:
 
 def _by_value(study: Study, runs: Runs, entry: str, system: str) -> dict[Any, Mapping[str, Measure]]:
     done = [e for e in study.experiments if e.entry == entry and e.name in runs]
-    return {e.value: runs[e.name][system] for e in done}
+    return {e.value: runs[e.name][system] for e in done if system in runs[e.name]}
 
 
 def study_tables(study: Study, runs: Runs, found: Sequence[Mapping[str, Any]]) -> list[Table]:
@@ -145,8 +165,10 @@ def study_tables(study: Study, runs: Runs, found: Sequence[Mapping[str, Any]]) -
         _means("Real motions and the evaluator", note, study, runs, with_parts(_REAL, "Real R@3"), "Real R@1", True),
         _means("Tokens", note, study, runs, _CODES, "Codes used", True),
         _means("Stylization of held-out combinations", note, study, runs, _STYLED, _STYLED[0]),
+        _means("Motions of actions", note, study, runs, (*_ACTED, _SKATING), "FID of actions"),
         _differences("Paired differences", found, with_parts(_COMPARED, "R@3")),
         _differences("Paired differences of stylization", found, _STYLED),
+        _differences("Paired differences of actions", found, (*_ACTED, _SKATING)),
     ]
     return [table for table in tables if table.rows]
 
@@ -158,9 +180,10 @@ def _means(
     rows = []
     for entry in dict.fromkeys(e.entry for e in study.experiments):
         done = [e for e in study.experiments if e.entry == entry and e.name in runs]
-        systems = [s for s in (done[0].systems if done else ()) if any(needs in runs[e.name][s] for e in done)]
+        known = dict.fromkeys(system for e in done for system in runs[e.name])
+        systems = [s for s in known if any(needs in runs[e.name].get(s, {}) for e in done)]
         for system in systems[:1] if once else systems:
-            cells = [_mean([runs[e.name][system].get(name) for e in done]) for name in names]
+            cells = [_mean([runs[e.name].get(system, {}).get(name) for e in done]) for name in names]
             rows.append([entry if once else f"{entry}: {system}", _values(done), *cells])
     kept = [i for i in range(2 + len(names)) if i < 2 or any(row[i] != NONE for row in rows)]
     columns = ["experiment", "runs", *names]

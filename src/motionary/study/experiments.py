@@ -7,7 +7,7 @@ import re
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ class Experiment:
         systems: to evaluate, or stages that score on their own; only what these need is run.
         key: hash of the systems and of what their stages, and all before them, read of the configuration: results of
             another key are out of date.
+        study: name of the study.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Experiment:
     overrides: tuple[str, ...]
     systems: tuple[str, ...]
     key: str
+    study: str = "study"
 
     def command(self) -> list[str]:
         """The DVC command that runs it, in a temporary copy, so that the workspace stays as it is."""
@@ -55,7 +57,12 @@ class Experiment:
     @property
     def reference(self) -> str:
         """Name of the DVC experiment."""
-        return f"study-{self.name}-{self.key[:8]}"
+        return f"{self.study}-{self.name}-{self.key[:8]}"
+
+    @property
+    def folder(self) -> Path:
+        """Where its reports lie, relative to the project."""
+        return Path("reports") / self.study / self.name
 
 
 def scoring_stage(system: str) -> str:
@@ -65,23 +72,37 @@ def scoring_stage(system: str) -> str:
 
 @dataclass(frozen=True)
 class Study:
-    """All experiments in the order in which they run, and the pairs of (entry, system) to compare."""
+    """All experiments in the order in which they run, and the pairs of (entry, system) to compare.
+
+    A row that a system's report has of its own is compared as "system/row", as in "action_evaluation/plain". `name`
+    is the file's without its ending.
+    """
 
     experiments: tuple[Experiment, ...]
     compare: tuple[tuple[tuple[str, str], tuple[str, str]], ...]
+    name: str = "study"
+
+    @property
+    def folder(self) -> Path:
+        """Where its results lie, relative to the project."""
+        return Path("reports") / self.name
 
 
 def read_study(root: Path, path: Path, roots: Sequence[str] | None = None) -> Study:
-    """Reads conf/study.yaml.
+    """Reads a file such as conf/study.yaml.
 
     Args:
         root: the project; ``root/conf`` composes every experiment.
-        path: the YAML file: base, roots, experiments and compare.
+        path: the YAML file: base, roots, experiments and compare. Results lie in a folder of its name, so that this is
+            study.yaml or ends in _study.yaml.
         roots: data roots in place of the file's; relative ones start at `root`.
 
     Raises:
-        InputError: an unreadable file, an unknown key, an override that conf/ does not know, a missing root.
+        InputError: an unreadable file or another name, an unknown key, an override that conf/ does not know, or a
+            missing root.
     """
+    if path.stem != "study" and not path.stem.endswith("_study"):
+        raise InputError(path, path.name, "must be named study.yaml or NAME_study.yaml, as the folder of results is")
     try:
         values = yaml.safe_load(path.read_text(encoding="utf-8"))
         base, entries = list(values["base"]), dict(values["experiments"])
@@ -101,17 +122,17 @@ def read_study(root: Path, path: Path, roots: Sequence[str] | None = None) -> St
             )
     compare = tuple(tuple(tuple(side) for side in pair) for pair in values.get("compare", []))
     for entry, system in (_side(path, pair, side) for pair in compare for side in pair):
-        if entry not in entries or system not in entries[entry]["systems"]:
+        if entry not in entries or system.split("/")[0] not in entries[entry]["systems"]:
             raise InputError(f"{path}: compare", [entry, system], "must be an experiment above and one of its systems")
     pipeline = read_pipeline(root)
     rounds = max(len(_variants(entry)) for entry in entries.values())
     chosen = [
-        _experiment(root, pipeline, base, name, entry, *_variants(entry)[number])
+        replace(_experiment(root, pipeline, base, name, entry, *_variants(entry)[number]), study=path.stem)
         for number in range(rounds)
         for name, entry in entries.items()
         if number < len(_variants(entry))
     ]
-    return Study(tuple(chosen), compare)  # type: ignore[arg-type]
+    return Study(tuple(chosen), compare, path.stem)  # type: ignore[arg-type]
 
 
 def _side(path: Path, pair: Sequence[Any], side: Sequence[str]) -> tuple[str, str]:
