@@ -51,6 +51,7 @@ INFRASTRUCTURE = frozenset(
         "systems/registry",
         "systems/serving",
         "training/__init__",
+        "whole",
     )
 )
 ALL, TOP = "*", ""
