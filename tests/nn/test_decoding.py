@@ -175,3 +175,9 @@ def test_bad_settings_say_what_is_wrong():
     table = Table(1)
     with pytest.raises(InputError, match="beams"):
         beam_search(table, table.first(1), torch.tensor([START]), END, beams=0)
+
+
+@pytest.mark.parametrize("temperature", [0.0, -1.0, float("inf"), float("nan")])
+def test_a_temperature_is_a_number_above_zero(temperature):
+    with pytest.raises(InputError, match=r"temperature.*must be a number above 0"):
+        Sampling(temperature)

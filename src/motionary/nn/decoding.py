@@ -70,8 +70,10 @@ class Sampling:
     top_p: float = 1.0
 
     def __post_init__(self):
-        if not self.temperature > 0:
-            raise InputError("temperature", self.temperature, "must be above 0 (for the likeliest token use greedy)")
+        if not 0 < self.temperature < float("inf"):
+            raise InputError(
+                "temperature", self.temperature, "must be a number above 0 (for the likeliest token use greedy)"
+            )
         if self.top_k < 0:
             raise InputError("top_k", self.top_k, "must not be negative (0 keeps all)")
         if not 0 < self.top_p <= 1:
