@@ -41,7 +41,7 @@ def test_a_stage_that_draws_depends_on_its_seed(repository):
         code = (repository / "stages" / f"{name}.py").read_text()
         draws = "stage.seed" in code or re.search(r"\btrain(_\w+)?\(", code) is not None
         own = "seed" in params.get(name, {})  # the judge's: systems of all seeds meet the same one
-        assert own == (name in ("autoencoder", "evaluator", "joint_evaluator"))
+        assert own == (name in ("autoencoder", "evaluator", "joint_evaluator", "action_evaluator"))
         assert ("seed" in stage.get("params", [])) == (draws and not own), name
 
 
