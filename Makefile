@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONPATH := $(CURDIR)/src
 .DEFAULT_GOAL := help
-.PHONY: help setup lock repro test kills measured flags check check-paper params sweep mlflow app bench fuzz study clean
+.PHONY: help setup lock repro test kills reruns measured flags check check-paper params sweep mlflow app bench fuzz study clean
 
 help:  ## what each target does
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -41,6 +41,9 @@ test: setup  ## all tests, on every core, in a browser too, which is installed w
 
 kills: setup  ## kills the whole pipeline N times on a very small corpus and compares the results (hours; continues where it stopped)
 	@python tests/kills.py --kills $(if $(N),$(N),100)
+
+reruns: setup  ## how many stages each of the last N=40 commits would have run again, by the listings of their code
+	@python tests/reruns.py -n $(or $(N),40)
 
 lock: setup  ## writes requirements.lock anew from pyproject.toml, with hashes; versions stay (UPGRADE=1 takes the newest)
 	@python tests/lock.py $(if $(UPGRADE),--upgrade)

@@ -253,14 +253,21 @@ def _told(path: Path, temporary: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        # safetensors writes in Rust, and says the system's number in words only.
-        number = getattr(error, "errno", None) or int((re.findall(r"\(os error (\d+)\)", str(error)) or [0])[-1])
+        number = getattr(error, "errno", None) or _told_in_words(str(error))
         # A failed write names no file; a failed open names the one it is about, which may be an input of the block.
         named = str(getattr(error, "filename", None) or "")
         ours = not named or named.startswith(str(temporary)) or str(path).startswith(named)
         if number not in DISK_REFUSALS or not ours:
             raise
         raise InputError(path, os.strerror(number), "cannot be written") from None
+
+
+def _told_in_words(text: str) -> int:
+    """The system's number of an error that carries none: safetensors, written in Rust, says it, and numpy's `save` only
+    that a part was written, which means a full disk; 0 of any other."""
+    if re.search(r"\d+ requested and \d+ written", text):
+        return errno.ENOSPC
+    return int((re.findall(r"\(os error (\d+)\)", text) or [0])[-1])
 
 
 def _flush(path: Path) -> None:

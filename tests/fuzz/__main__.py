@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from fuzz.contract import fuzz
+from tqdm import tqdm
 
 
 def main() -> int:
@@ -15,11 +16,15 @@ def main() -> int:
     add.add_argument("--seconds", type=float, default=float("inf"), help="stop after these")
     add.add_argument("--first", type=int, default=0, help="the first seed (0)")
     options = add.parse_args()
-    tried, faults = fuzz(options.first, options.n, options.seconds)
-    for seed, found in sorted(faults.items()):
-        print(f"seed {seed}: {'; '.join(found)}")
-    print(f"{tried} mutations, {len(faults)} broke the contract")
-    return 1 if faults else 0
+    broken = 0
+    with tqdm(total=options.n, unit="mutation") as bar:
+        for tried, faults in fuzz(options.first, options.n, options.seconds):
+            for seed, found in sorted(faults.items()):
+                bar.write(f"seed {seed}: {'; '.join(found)}")
+            broken += len(faults)
+            bar.update(tried)
+    print(f"{bar.n} mutations, {broken} broke the contract")
+    return 1 if broken else 0
 
 
 if __name__ == "__main__":

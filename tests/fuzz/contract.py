@@ -6,6 +6,7 @@ import json
 import tempfile
 import time
 import warnings
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -106,12 +107,12 @@ def _megabytes(what: str) -> float:
     return int(status.split(f"{what}:")[1].split()[0]) / 1024
 
 
-def fuzz(first: int, count: int, seconds: float = float("inf")) -> tuple[int, dict[int, list[str]]]:
-    """How many seeds were tried, from `first` on, and the faults of those that broke the contract."""
+def fuzz(first: int, count: int, seconds: float = float("inf")) -> Iterator[tuple[int, dict[int, list[str]]]]:
+    """Batch after batch of the seeds from `first` on: how many were tried, and the faults of those that broke the
+    contract."""
     annotate(["a person walks"])  # loads the tagger once, for all forks
-    started, tried, faults = time.monotonic(), 0, {}
+    started, tried = time.monotonic(), 0
     while tried < count and time.monotonic() - started < seconds:
         seeds = list(range(first + tried, first + min(tried + _BATCH, count)))
-        faults |= batch(seeds)
         tried += len(seeds)
-    return tried, faults
+        yield len(seeds), batch(seeds)
