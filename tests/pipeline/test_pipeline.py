@@ -212,7 +212,7 @@ def test_a_stage_ends_well_without_its_tracking_server_and_its_rows_arrive_later
 
 
 def test_a_killed_stage_continues_to_the_weights_of_an_unbroken_one(project):
-    long = _set(project.overrides, "autoencoder.steps=600", "autoencoder.validate_every=5")
+    long = _set(project.overrides, "autoencoder.steps=200", "autoencoder.validate_every=5")
     command = ["dvc", "exp", "run", "autoencoder", *long]
     log = (project.root.parent / "killed.txt").open("w")
     process = subprocess.Popen(

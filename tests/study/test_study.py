@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -48,11 +49,18 @@ def of_entry(study, entry):
     return [e for e in study.experiments if e.entry == entry]
 
 
-def test_every_override_composes_and_changes_what_it_names(repository, shipped):
+@pytest.fixture(scope="module")
+def configured(repository):
+    """The configuration of an experiment, by its overrides; composed once."""
+    composed = cache(lambda overrides: compose(repository, overrides))
+    return lambda experiment: composed(experiment.overrides)
+
+
+def test_every_override_composes_and_changes_what_it_names(repository, shipped, configured):
     keys = {e.key for e in shipped.experiments}
     assert len(keys) == len(shipped.experiments), "two experiments compose to the same configuration"
     for experiment in shipped.experiments:
-        config = compose(repository, experiment.overrides)
+        config = configured(experiment)
         assert (config["data"]["name"], config["scale"]) == ("folder", "small")
         assert all(Path(root).is_absolute() for root in config["data"]["roots"])
         listed = {s for s in experiment.systems if scoring_stage(s) == f"evaluation@{s}"}
@@ -61,9 +69,9 @@ def test_every_override_composes_and_changes_what_it_names(repository, shipped):
         json.dumps(config, allow_nan=False)
 
 
-def test_what_a_paper_would_add_is_there(repository, shipped):
+def test_what_a_paper_would_add_is_there(shipped, configured):
     def values(entry, key):
-        configs = [compose(repository, e.overrides) for e in of_entry(shipped, entry)]
+        configs = [configured(e) for e in of_entry(shipped, entry)]
         section, _, name = key.rpartition(".")
         return [config[section][name] if section else config[name] for config in configs]
 
@@ -84,7 +92,7 @@ def test_what_a_paper_would_add_is_there(repository, shipped):
     assert values("no_latents", "latents.variant") == ["none"] * 3
     for entry, weight in (("no_homo_style", "hsa"), ("no_cycle", "cycle")):  # the thesis's Table 5.6
         assert values(entry, "seed") == [0, 1, 2]
-        for config in (compose(repository, e.overrides)["stylization"] for e in of_entry(shipped, entry)):
+        for config in (configured(e)["stylization"] for e in of_entry(shipped, entry)):
             assert config["supervised"][weight] == config["unsupervised"][weight] == 0
     steps = values("main", "inverse_alignment.steps")
     for control, factor in (("control_updates", 1.0), ("control_time", 3.5)):
