@@ -121,6 +121,11 @@ def test_search_looks_over_the_texts_of_training_alone(packed, run):
         packed.generate(TEXTS[0], system="retrieval")
 
 
+def test_what_a_bundle_lacks_is_asked_of_trained_models(packed):
+    with pytest.raises(InputError, match=r"stylization: not part of this bundle; .*--models or \$MOTIONARY_MODELS$"):
+        packed.stylize(packed.generate("a person walks", seconds=2)[0], style="old")
+
+
 def test_the_card_says_what_the_weights_score(bundle, packed):
     manifest, card = json.loads((bundle / "bundle.json").read_text()), (bundle / "CARD.md").read_text()
     again = FixedSample.load(bundle / "sample.npz").scores(packed)

@@ -93,7 +93,7 @@ def read_prompts(options: argparse.Namespace) -> list[str]:
         raise InputError(where, error, "must be a text file with one prompt a line") from None
     lines = [(number, line) for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), 1) if line.strip()]
     if not lines:
-        raise InputError(where, "empty", "must hold one prompt a line")
+        raise InputError(where, "empty", "must hold one prompt a line, where none is given as an argument")
     return [check_prompt(line, f"{where}, line {number}") for number, line in lines]
 
 

@@ -10,6 +10,7 @@ from threading import RLock
 from typing import Any, TypeVar
 
 from motionary.corpus.context import Context
+from motionary.dictionary.places import VARIABLE
 from motionary.errors import InputError
 from motionary.systems.protocols import TextMotionJudge
 from motionary.systems.registry import EMBED, TELLS, find, known, offering
@@ -106,8 +107,12 @@ class Folder:
             return self._opened[name, what]
 
     def _absent(self, name: str) -> InputError:
-        stage = "" if find(name).package else f"; run `dvc repro {name}`"  # other packages bring no stage of ours
-        return InputError("system", name, f"not part of these models{stage}")
+        if find(name).package:  # it brings no stage of ours
+            return InputError("system", name, "not part of these models")
+        if self._manifest:
+            rule = f"not part of this bundle; ask models that `dvc repro {name}` made, by --models or ${VARIABLE}"
+            return InputError("system", name, rule)
+        return InputError("system", name, f"not part of these models; run `dvc repro {name}`")
 
 
 def _read(file: Path, writer: str) -> dict[str, Any]:

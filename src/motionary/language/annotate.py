@@ -117,7 +117,7 @@ def _tags(words: Sequence[str], parts_of_speech: Sequence[str]) -> tuple[str, ..
 
 
 class _Untokenized:
-    """In the place of spaCy's tokenizer, whose rules take longer to load than all else and split no text of ours."""
+    """Takes the place of spaCy's tokenizer, whose rules take longer to load than all else and split no text of ours."""
 
     def __init__(self, language: Language):
         self.vocab = language.vocab
