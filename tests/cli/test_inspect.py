@@ -44,7 +44,7 @@ def test_it_draws_the_clips_in_rows(clip, tmp_path, capsys):
     assert main(["inspect", str(clip), "--out", str(tmp_path / "seen.jpg")]) == 2
 
 
-@pytest.mark.parametrize(("name", "way"), [("a.fbx", "Blender"), ("a.C3D", "markers"), ("a.doc", "only .bvh")])
+@pytest.mark.parametrize(("name", "way"), [("a.fbx", "Blender"), ("a.TRC", "markers"), ("a.doc", "only .bvh")])
 def test_what_is_not_read_is_told_a_way(tmp_path, capsys, name, way):
     (tmp_path / name).write_bytes(b"something")
     assert main(["inspect", str(tmp_path / name)]) == 2

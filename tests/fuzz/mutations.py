@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from acclaim_files import HEADER
+from c3d_files import c3d_bytes
 
 from motionary.formats import write_motion
 from motionary.formats.gltf_file import chunks, packed
@@ -34,7 +35,7 @@ VALUES = (
     "\0",
 )
 DTYPES = ("<f2", ">f8", "<i1", "<u8", "<c16", "<U8", "|S4", "|b1", "<M8[s]", "V12", "<f4")
-KINDS = ("bvh", "amc", "asf", "npy", "npz", "amass", "glb", "gltf", "clips", "mapping", "humanml3d")
+KINDS = ("bvh", "amc", "asf", "npy", "npz", "amass", "glb", "gltf", "c3d", "clips", "mapping", "humanml3d")
 
 
 def motion(frames: int = 12) -> Motion:
@@ -299,6 +300,14 @@ def _humanml3d(rng: np.random.Generator, folder: Path) -> Path:
     return root
 
 
+def _c3d(rng: np.random.Generator, folder: Path) -> Path:
+    path, good = folder / "case.c3d", motion()
+    data = c3d_bytes(good.skeleton.joints, good.positions[..., [0, 2, 1]] * [1000, -1000, 1000], good.fps)
+    head = 1024 + 512 * int(rng.integers(4))  # where the file says what it holds
+    path.write_bytes(_bytes(rng, data) if rng.random() < 0.3 else _bytes(rng, data[:head]) + data[head:])
+    return path
+
+
 _MAKERS = {
     "bvh": _bvh,
     "amc": _amc,
@@ -308,6 +317,7 @@ _MAKERS = {
     "amass": _amass,
     "glb": _glb,
     "gltf": _gltf,
+    "c3d": _c3d,
     "clips": _clips,
     "mapping": _mapping,
     "humanml3d": _humanml3d,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 R = TypeVar("R")
-READ = "bvh, amc, npz, npy, glb or gltf"
+READ = "bvh, amc, npz, npy, glb, gltf or c3d"
 
 
 def count(text: str) -> int:

@@ -253,6 +253,7 @@ BROKEN = {
     "packed": (lambda d: d["bufferViews"][0].update(extensions={"EXT_meshopt_compression": {}}), "meshopt.*unpack"),
     "buffer": (lambda d: d["bufferViews"][0].update(buffer=1), "channel 0, output, buffer"),
     "away": (lambda d: d["buffers"][0].update(uri="../a.bin"), "buffer 0, uri.*in the folder"),
+    "long": (lambda d: d["buffers"][0].update(uri="a" * 5000), "buffer 0, uri.*in the folder"),
     "web": (lambda d: d["buffers"][0].update(uri="https://x.org/a.bin"), "buffer 0, uri.*in the folder"),
     "base64": (lambda d: d["buffers"][0].update(uri="data:;base64,???"), "buffer 0, uri.*base64"),
 }

@@ -21,11 +21,11 @@ READERS = {
     ".npz": "motionary.formats.read.arrays:npz_with",
     ".glb": "motionary.formats.read.gltf_reader:gltf_with",
     ".gltf": "motionary.formats.read.gltf_reader:gltf_with",
+    ".c3d": "motionary.formats.read.c3d_points:c3d_with",
 }
 # What other programs write, and the way to a file that is read.
 _CONVERTED = {
     ".fbx": "in Blender File > Import > FBX, then File > Export > Motion Capture (.bvh), makes it one",
-    ".c3d": "it holds markers, not joints: solve them to a skeleton where they were recorded, and export BVH",
     ".blend": "in Blender File > Export > Motion Capture (.bvh) makes it one",
     ".trc": "it holds markers, not joints: solve them to a skeleton where they were recorded, and export BVH",
     ".vmd": "MMD's motion belongs to its model: load both in Blender and export BVH",
@@ -38,7 +38,7 @@ __all__ = ["READERS", "Reading", "ReadingOptions", "read_motion", "read_motion_w
 def read_motion(
     path: str | os.PathLike, mapping: Path | str | Mapping[str, Any] | None = None, **options: Any
 ) -> Motion:
-    """Read a motion file by its extension: .bvh, .amc (with its .asf), .npy, .npz, .glb, .gltf.
+    """Read a motion file by its extension: .bvh, .amc (with its .asf), .npy, .npz, .glb, .gltf, .c3d.
 
     Which axis points up, how long a unit is and whether left and right are swapped is measured on the whole file. Where
     the evidence is thin or contradicts itself, one `InputWarning` says what was taken and how to say otherwise.
