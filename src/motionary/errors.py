@@ -104,6 +104,14 @@ def check_share(section: str, config: object, names: Iterable[str]) -> None:
     check_values(section, config, names, lambda value: 0 <= value < 1, "must be in [0, 1)")
 
 
+def is_real(value: object) -> bool:
+    """Whether a value is a number that is finite; true and false are none."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # a whole number beyond all floats
+        return False
+
+
 def check_whole(name: str, value: Any, least: int) -> None:
     """InputError unless `value` is a whole number (also of numpy) of at least `least`."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:

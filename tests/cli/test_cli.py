@@ -221,7 +221,12 @@ def test_view_writes_a_page(clip, tmp_path, capsys, monkeypatch):
         (["generate", "   "], "must not be empty"),
         (["generate", "walk", "--file", "x"], "not both"),
         (["generate", "--file", "nowhere.txt"], "nowhere.txt"),
-        (["generate", "walk", "-n", "0"], "-n: 0: must be at least 1"),
+        (["generate", "walk", "-n", "0"], "-n: 0: must be from 1 to 10,000"),
+        (["generate", "walk", "-n", "1" + "0" * 400], "-n: a number of 401 digits: must be from 1 to 10,000"),
+        (["generate", "walk", "--keyframe", "0="], "--keyframe: 0=: must name a file"),
+        (["generate", "walk", "--path", "0,0 1e308,1"], "--path: invalid points x,z between blanks"),
+        (["generate", "--file", "/dev/zero"], "/dev/zero: too long"),
+        (["caption", "CLIP", "--models", "MODELS", "--device", "nope"], "device: nope: must be auto, cpu or a device"),
         (["generate", "walk", "-n", "x"], "invalid whole number"),
         (["generate", "walk", "--out", "/proc/nothing"], "/proc/nothing"),
         (["caption", "nowhere.bvh"], "nowhere.bvh: missing"),
@@ -238,11 +243,11 @@ def test_view_writes_a_page(clip, tmp_path, capsys, monkeypatch):
         ([], "required"),
     ],
 )
-def test_bad_input_is_one_line_and_code_2(arguments, message, clip, tmp_path, capsys, monkeypatch):
+def test_bad_input_is_one_line_and_code_2(arguments, message, clip, pipeline, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     broken = tmp_path / "broken.txt"
     broken.write_text("HIERARCHY")
-    names = {"CLIP": str(clip), "BROKEN": str(broken)}
+    names = {"CLIP": str(clip), "BROKEN": str(broken), "MODELS": str(pipeline / "models")}
     before = sorted(tmp_path.iterdir())
     code, out, err = call(capsys, *[names.get(a, a) for a in arguments])
     assert (code, out) == (2, "")
@@ -250,6 +255,16 @@ def test_bad_input_is_one_line_and_code_2(arguments, message, clip, tmp_path, ca
     assert err.count("\n") == 1
     assert message in err
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_empty_ones(clip, tmp_path, closed):
+    """Services start programs so; a file opened in the place of a stream must not be written into by mistake."""
+    command = f'exec "$0" -m motionary.cli convert "$1" "$2" {closed}'
+    target = tmp_path / "again.bvh"
+    run = subprocess.run(["sh", "-c", command, sys.executable, str(clip), str(target)], check=False)
+    assert run.returncode == 0
+    assert read_motion(target).frames == read_motion(clip).frames
 
 
 def test_a_truncated_file_is_one_line_of_a_process(clip, tmp_path):

@@ -54,6 +54,13 @@ def exported(recordings, tmp_path_factory):
     return out, counts
 
 
+@pytest.mark.parametrize("ratios", [(float("nan"), 1, 1), (-1, 1, 1), (0, 0, 0), (1, 0, float("inf")), (0.5, 0.5)])
+def test_shares_are_shares(recordings, tmp_path, ratios):
+    with pytest.raises(InputError, match=r"^ratios: .*must be three shares"):
+        export_humanml3d(recordings, tmp_path / "out", ratios=ratios, workers=1, progress=False)
+    assert not list(tmp_path.iterdir())
+
+
 def names_of(folder, split):
     return (folder / f"{split}.txt").read_text().split()
 

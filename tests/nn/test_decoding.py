@@ -177,6 +177,12 @@ def test_bad_settings_say_what_is_wrong():
         beam_search(table, table.first(1), torch.tensor([START]), END, beams=0)
 
 
+def test_the_coldest_draw_is_the_likeliest():
+    logits, noise = torch.tensor([[0.1, 2.0, -torch.inf, 1.9]]).expand(64, -1), torch.linspace(0, 0.999, 64)
+    for temperature in (1e-320, 1e-300, 1e-9):
+        assert (Sampling(temperature).draw(logits, noise) == 1).all()
+
+
 @pytest.mark.parametrize("temperature", [0.0, -1.0, float("inf"), float("nan")])
 def test_a_temperature_is_a_number_above_zero(temperature):
     with pytest.raises(InputError, match=r"temperature.*must be a number above 0"):

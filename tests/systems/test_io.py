@@ -88,13 +88,17 @@ def test_bad_folders_are_named(saved, tmp_path):
         ({"system": "no_such_system"}, "must be one of tokenizer"),
         ({"config": {**record["config"], "nonsense": 1}}, "keys of this version"),
         ({"config": {**record["config"], "width": 16}}, "weights that belong"),
+        ({"config": {**record["config"], "width": [[1]]}}, "keys of this version.*`dvc repro tokenizer`$"),
+        ({"context": {**record["context"], "max_frames": None}}, "config.json: .*keys of this version"),
+        ({"context": {**record["context"], "fps": {}}}, "config.json: .*keys of this version"),
     ):
         path.write_text(json.dumps({**record, **change}))
         with pytest.raises(InputError, match=rule):
             load_model(folder / "tokenizer")
-    path.write_text("{")
-    with pytest.raises(InputError, match="must be JSON"):
-        load_model(folder / "tokenizer")
+    for damaged in ("{", "[" * 100_000):
+        path.write_text(damaged)
+        with pytest.raises(InputError, match="must be JSON"):
+            load_model(folder / "tokenizer")
     path.write_text(json.dumps(record))
     weights = folder / "tokenizer" / "model.safetensors"
     whole = weights.read_bytes()

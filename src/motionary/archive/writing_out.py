@@ -17,7 +17,7 @@ from motionary.archive.duplicates import Pair, near_duplicates
 from motionary.archive.flags import Told, flags
 from motionary.archive.parts import ArchivePart, ClipRow
 from motionary.corpus.clips import Clip
-from motionary.files import atomic_folder, write_bytes
+from motionary.files import atomic_folder, save_array, write_bytes
 
 HIDDEN, INDEX = ".motionary", "index"
 CAPTIONS, FLAGS, DUPLICATES = "captions.jsonl", "flags.jsonl", "duplicates.jsonl"
@@ -93,7 +93,7 @@ def _write_index(
         kinds = (pa.int64(), pa.float64(), pa.float64(), pa.string())
         schema = pa.schema(list(zip(names, kinds, strict=True)))
         pq.write_table(pa.Table.from_pydict(table, schema), temporary / "windows.parquet")
-        np.save(temporary / "embeddings.npy", embeddings)
+        save_array(temporary / "embeddings.npy", embeddings)
         (temporary / "index.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
 
 

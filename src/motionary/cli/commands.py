@@ -84,8 +84,16 @@ def _short_warnings() -> Iterator[None]:
         print(doubt, file=sys.stderr)
 
 
+def _open_streams() -> None:
+    """Whoever starts a command may have closed its standard streams, which are then None: nothing is read or said."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit code: 0, 2 on bad input (one bad file of several), 130 when interrupted."""
+    _open_streams()
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="motionary")
@@ -103,6 +111,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         file = error.filename if isinstance(error.filename, str) else "a file"
         print(f"error: {InputError(file, error.strerror or error, 'must be readable or writable')}", file=sys.stderr)
+        return 2
+    except MemoryError:
+        print("error: memory: full: the input or what was asked for needs more than is free", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -60,6 +60,8 @@ def _pose(text: str, file: str) -> Motion:
     from motionary.formats import read_motion
 
     name, _, at = file.rpartition("@") if "@" in file and not Path(file).exists() else (file, "", "0")
+    if not name:
+        raise InputError("--keyframe", text, "must name a file behind the seconds")
     try:
         seconds = float(at)
     except ValueError:

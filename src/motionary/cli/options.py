@@ -7,8 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from motionary.errors import InputError
@@ -19,14 +18,17 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 R = TypeVar("R")
+_MOST = 10_000  # results of one command
+_MOST_TEXT = 10_000_000  # bytes of prompts
 READ = "bvh, amc, npz, npy, glb, gltf or c3d"
 
 
 def count(text: str) -> int:
-    """The type of an option: a whole number of at least 1."""
+    """The type of an option: a whole number of at least 1, at most 10,000."""
     value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value}: must be at least 1")
+    if not 1 <= value <= _MOST:
+        shown = text if len(text) < 20 else f"a number of {len(text)} digits"
+        raise argparse.ArgumentTypeError(f"{shown}: must be from 1 to {_MOST:,}")
     return value
 
 
@@ -88,9 +90,12 @@ def read_prompts(options: argparse.Namespace) -> list[str]:
         raise InputError("prompt", "none", "give one, or --file, or lines on standard input")
     where = "standard input" if file in (None, "-") else str(file)
     try:
-        text = sys.stdin.read() if where == "standard input" else Path(where).read_text(encoding="utf-8-sig")
+        with nullcontext(sys.stdin) if where == "standard input" else open(where, encoding="utf-8-sig") as lines:
+            text = lines.read(_MOST_TEXT + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(where, error, "must be a text file with one prompt a line") from None
+    if len(text) > _MOST_TEXT:
+        raise InputError(where, "too long", f"prompts may have {_MOST_TEXT:,} letters in all")
     lines = [(number, line) for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), 1) if line.strip()]
     if not lines:
         raise InputError(where, "empty", "must hold one prompt a line, where none is given as an argument")

@@ -24,7 +24,7 @@ from motionary.corpus.clips import Caption
 from motionary.corpus.downloads import Downloads, read_manifest
 from motionary.corpus.released import released_caption
 from motionary.errors import InputError
-from motionary.files import atomic_file, write_bytes
+from motionary.files import atomic_file, save_array, write_bytes
 from motionary.formats.read.acclaim import read_amc
 from motionary.motion import Skeleton, resample, retarget
 
@@ -172,7 +172,7 @@ def _convert(take: str, out: Path, downloads: Downloads, url: str) -> None:
     try:
         motion = retarget(resample(read_amc(amc, asf, rate_of(take)), FPS), Skeleton.named(SKELETON))
         with atomic_file(path) as temporary:
-            np.save(temporary, motion.positions)
+            save_array(temporary, motion.positions)
     except InputError:
         asf.unlink(missing_ok=True)  # perhaps a page that says that something is wrong: the next run asks again
         raise

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from motionary.corpus.splits import KINDS
-from motionary.errors import InputError
+from motionary.corpus.splits import KINDS, check_shares
+from motionary.errors import InputError, is_real
 
 COVERING, RELEASED = "covering", "released"
 CUTS = (COVERING, RELEASED)
@@ -80,7 +79,7 @@ class DataConfig:
             if not isinstance(getattr(self, key), bool):
                 raise InputError(f"data.{key}", getattr(self, key), "must be true or false")
         self._roots()
-        self._ratios()
+        check_shares("data.ratios", self.ratios)
         self._weights()
 
     def _roots(self):
@@ -98,14 +97,8 @@ class DataConfig:
         if not isinstance(self.source_weights, Mapping):
             raise InputError("data.source_weights", self.source_weights, "must map caption sources to weights")
         for source, weight in self.source_weights.items():
-            if not isinstance(source, str) or not _is_real(weight) or not (weight == 0 or 1e-3 <= weight <= 1e3):
+            if not isinstance(source, str) or not is_real(weight) or not (weight == 0 or 1e-3 <= weight <= 1e3):
                 raise InputError(f"data.source_weights.{source}", weight, "must be 0 or a number in 0.001..1000")
-
-    def _ratios(self):
-        rule = "must be three shares (train, val, test) from 0 to 1 that sum to 1, train above 0"
-        good = len(self.ratios) == 3 and all(_is_real(share) and 0 <= share <= 1 for share in self.ratios)
-        if not good or not math.isclose(sum(self.ratios), 1, abs_tol=1e-6) or self.ratios[0] <= 0:
-            raise InputError("data.ratios", list(self.ratios), rule)
 
     def _text(self, *keys: str):
         for key in keys:
@@ -124,12 +117,5 @@ class DataConfig:
 
     def _real(self, key: str, low: float, high: float):
         value = getattr(self, key)
-        if not _is_real(value) or not low <= value <= high:
+        if not is_real(value) or not low <= value <= high:
             raise InputError(f"data.{key}", value, f"must be a number in {low:g}..{high:g}")
-
-
-def _is_real(value: Any) -> bool:
-    try:
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    except OverflowError:  # a whole number beyond all floats
-        return False

@@ -23,7 +23,7 @@ from motionary.corpus.workers import Encoded, Recipe, encode_clip, in_order
 from motionary.corpus.writing import RunningStatistics, group_means
 from motionary.errors import InputError
 from motionary.features import UNIT, HumanML3D
-from motionary.files import atomic_folder
+from motionary.files import atomic_folder, save_array
 from motionary.language import mirror_text, tagged_tokens
 from motionary.motion import Skeleton
 
@@ -130,8 +130,8 @@ class _Writing:
     def _write(
         self, name: str, clip: Clip, window: Window, features: np.ndarray, split: str, copy: bool = False
     ) -> None:
-        np.save(self.folder / "new_joint_vecs" / f"{name}.npy", features)
-        np.save(self.folder / "new_joints" / f"{name}.npy", self.codec.decode(features, fps=_FPS).positions)
+        save_array(self.folder / "new_joint_vecs" / f"{name}.npy", features)
+        save_array(self.folder / "new_joints" / f"{name}.npy", self.codec.decode(features, fps=_FPS).positions)
         self.statistics.update(features)
         path = os.path.relpath(getattr(clip.load, "path", clip.where), self.root)
         self.rows.append((name, path, window.first, window.first + window.length, split))
@@ -158,8 +158,8 @@ class _Writing:
         _write_lines(self.folder / "all.txt", list(lines))
         with (self.folder / "index.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file, lineterminator="\n").writerows([_INDEX, *self.rows])
-        np.save(self.folder / "Mean.npy", self.statistics.mean.astype(np.float32))
-        np.save(self.folder / "Std.npy", group_means(self.statistics.deviation(), self.codec.slices))
+        save_array(self.folder / "Mean.npy", self.statistics.mean.astype(np.float32))
+        save_array(self.folder / "Std.npy", group_means(self.statistics.deviation(), self.codec.slices))
         counts = Counter(row[-1] for row in self.rows)
         told = {split: counts[split] for split in SPLITS} | {"problems": self.problems}
         return {"motions": len(self.rows), "captions": sum(map(len, lines.values())), **told}

@@ -31,7 +31,7 @@ from motionary.corpus.workers import Encoded, Recipe, clip_labels, encode_clip, 
 from motionary.corpus.writing import FrameWriter, RunningStatistics, group_deviation
 from motionary.errors import InputError
 from motionary.features import UNIT, codec
-from motionary.files import atomic_folder, list_files
+from motionary.files import atomic_folder, list_files, save_array
 from motionary.language import Sentence, Vocabulary, mirror_text, sentence_from_tokens
 from motionary.motion import Skeleton
 
@@ -242,8 +242,8 @@ class _Build:
             styles=tuple(sorted({row["style"] for row in self.rows} - {""})),
             actions=tuple(sorted({row["action"] for row in self.rows} - {""})),
         )
-        np.save(self.folder / "mean.npy", context.mean)
-        np.save(self.folder / "std.npy", context.std)
+        save_array(self.folder / "mean.npy", context.mean)
+        save_array(self.folder / "std.npy", context.std)
         (self.folder / "vocabulary.json").write_text(json.dumps(vocabulary.to_json()) + "\n", encoding="utf-8")
         context.save(self.folder / "context.json")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.corpus.datasets import gather
-from motionary.files import LISTED, atomic_folder, file_hash, list_files, read_list, written_by
+from motionary.files import LISTED, atomic_folder, file_hash, list_files, read_list, save_array, written_by
 
 
 class Ragged:
@@ -83,5 +83,5 @@ def _write(folder: Path, rows: Iterable[np.ndarray]) -> None:
             ends.append(ends[-1] + len(row))
             tail, kind = row.shape[1:], row.dtype.name
             file.write(np.ascontiguousarray(row).tobytes())
-    np.save(folder / "offsets.npy", np.array(ends, dtype=np.int64))
+    save_array(folder / "offsets.npy", np.array(ends, dtype=np.int64))
     (folder / "shape.json").write_text(json.dumps({"tail": tail, "kind": kind}), encoding="utf-8")

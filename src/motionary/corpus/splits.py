@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from motionary.errors import InputError
+from motionary.errors import InputError, is_real
 
 if TYPE_CHECKING:  # at run time whatever opens a corpus would load how files are read
     from motionary.corpus.clips import Clip
@@ -34,9 +35,10 @@ def split_clips(clips: Sequence[Clip], kind: str, ratios: Sequence[float], seed:
         seed: another seed draws another split.
 
     Raises:
-        InputError: "combination" without clips that have both labels, "given" without any given split, or a kind that
-            leaves nothing to test.
+        InputError: ratios that are no shares, "combination" without clips that have both labels, "given" without any
+            given split, or a kind that leaves nothing to test.
     """
+    check_shares("ratios", ratios)
     chosen = {"clip": _by_clip, "subject": _by_subject, "combination": _by_combination, "given": _given}[kind]
     origins: dict[str, list[Clip]] = defaultdict(list)
     for clip in clips:
@@ -49,6 +51,14 @@ def split_clips(clips: Sequence[Clip], kind: str, ratios: Sequence[float], seed:
     if kind in ("subject", "combination") and ratios[2] and "test" not in result.values():
         raise InputError("data.split", kind, "leaves no test clips: there are too few subjects or combinations")
     return result
+
+
+def check_shares(what: str, ratios: Sequence[float]) -> None:
+    """InputError that names `what` where shares of train, val and test are none."""
+    good = len(ratios) == 3 and all(is_real(share) and 0 <= share <= 1 for share in ratios)
+    if not good or not math.isclose(sum(ratios), 1, abs_tol=1e-6) or ratios[0] <= 0:
+        rule = "must be three shares (train, val, test) from 0 to 1 that sum to 1, train above 0"
+        raise InputError(what, list(ratios), rule)
 
 
 def _by_clip(clips: Sequence[Clip], ratios: Sequence[float], seed: int) -> dict[str, str]:

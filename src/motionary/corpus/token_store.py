@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import written_by
+from motionary.files import save_array, written_by
 
 
 class TokenStore:
@@ -36,8 +36,8 @@ class TokenStore:
         """Write tokens.npy and offsets.npy."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        np.save(folder / "tokens.npy", self.tokens)
-        np.save(folder / "offsets.npy", self.offsets)
+        save_array(folder / "tokens.npy", self.tokens)
+        save_array(folder / "offsets.npy", self.offsets)
 
     @classmethod
     def load(cls, folder: str | Path) -> TokenStore:

@@ -14,6 +14,7 @@ from motionary.motion.planting import replant_feet
 from motionary.motion.smoothing import smoothest
 
 FASTEST = 8.0  # m/s that a person runs
+_FARTHEST = 1e6  # metres
 _SPACING = 0.05  # metres between the points of a smoothed path
 _ROUND = 0.25  # metres over which its corners are rounded
 _SWAY = 0.5  # seconds: what is slower is the way that the body goes, what is faster its sway
@@ -44,9 +45,12 @@ def checked_path(points: Any, seconds: float) -> np.ndarray:
 def read_points(text: str) -> list[list[float]]:
     """The points of a path as people type them: "x,z x,z", in metres; InputError where one is no number."""
     try:
-        return [[float(number) for number in pair.split(",")] for pair in text.split()]
+        points = [[float(number) for number in pair.split(",")] for pair in text.split()]
     except ValueError:
         raise InputError("path", text, "must be points x,z between blanks, in metres") from None
+    if any(abs(number) > _FARTHEST for point in points for number in point):
+        raise InputError("path", text, f"no point may be farther than {_FARTHEST:g} m away")
+    return points
 
 
 def length_of(path: np.ndarray) -> float:

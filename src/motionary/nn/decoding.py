@@ -84,7 +84,9 @@ class Sampling:
 
         One number per token, so a row's outcome is its own and not its neighbors'.
         """
-        probabilities = torch.softmax(logits.double() / self.temperature, dim=-1)
+        logits = logits.double()
+        # The likeliest is put to 0 first: no temperature, however small, makes it infinite.
+        probabilities = torch.softmax((logits - logits.amax(-1, keepdim=True)) / self.temperature, dim=-1)
         if not self.top_k and self.top_p == 1:
             return _invert(probabilities, noise)
         probabilities, tokens = probabilities.sort(dim=-1, descending=True, stable=True)

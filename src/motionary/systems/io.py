@@ -27,8 +27,19 @@ CATALOGUE = "corpus"  # folder beside the systems of a bundle: what was said of 
 
 
 def choose_device(device: str = "auto") -> str:
-    """The device to compute on: `device`, or, for "auto", CUDA where there is one, else the CPU."""
-    return ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+    """The device to compute on: `device`, or, for "auto", CUDA where there is one, else the CPU.
+
+    Raises:
+        InputError: no such device on this machine.
+    """
+    if device == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        torch.empty(1, device=device).cpu()
+    except Exception as error:  # of any kind: a name that torch does not know, a build without it, a card too few
+        first = str(error).splitlines()[0]
+        raise InputError("device", device, f"must be auto, cpu or a device that is here ({first})") from None
+    return device
 
 
 def save_model(folder: str | Path, name: str, model: nn.Module, context: Context) -> None:
@@ -78,7 +89,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
         config = with_new_names(record["system"], record["config"])
         found = {"system": record["system"], "config": config, "context": record["context"]}
         return {**found, "weights": record.get("weights")}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(path, error, f"must be JSON with system, config and context{_again(path)}") from None
 
 
@@ -92,10 +103,11 @@ def load_model(folder: str | Path, device: str | torch.device = "cpu") -> nn.Mod
         raise InputError(folder / CONFIG_FILE, error.value, error.rule) from None
     try:
         config = system.load(system.config)(**record["config"])
-    except TypeError as error:
-        raise InputError(folder / CONFIG_FILE, error, "must hold the keys of this version's config") from None
-    with torch.random.fork_rng(devices=[]):  # the random start is overwritten; do not disturb the caller's generator
-        model = system.load(system.model)(config, Context.from_json(record["context"]))
+        with torch.random.fork_rng(devices=[]):  # the random start is overwritten; the caller's generator stays
+            model = system.load(system.model)(config, Context.from_json(record["context"]))
+    except Exception as error:  # of any kind: a damaged record may claim anything
+        rule = f"must hold the keys of this version's config and context{_again(folder / CONFIG_FILE)}"
+        raise InputError(folder / CONFIG_FILE, error, rule) from None
     try:
         if record["weights"] not in (None, _checksum(folder / WEIGHTS)):
             raise OSError("damaged, its checksum differs")

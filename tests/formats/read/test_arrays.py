@@ -177,7 +177,13 @@ def test_smpl_poses_in_other_units_are_refused(tmp_path, wrong):
 
 @pytest.mark.parametrize(
     "change",
-    [{"poses": np.zeros((5, 70))}, {"trans": np.zeros((4, 3))}, {"trans": np.full((5, 3), np.nan)}, {"fps": "x"}],
+    [
+        {"poses": np.zeros((5, 70))},
+        {"trans": np.zeros((4, 3))},
+        {"trans": np.full((5, 3), np.nan)},
+        {"fps": "x"},
+        {"fps": np.inf},
+    ],
 )
 def test_wrong_smpl_poses_are_named(tmp_path, change):
     np.savez(tmp_path / "a.npz", **{"poses": np.zeros((5, 72)), "trans": np.zeros((5, 3)), "fps": 30.0} | change)

@@ -305,3 +305,13 @@ def test_options_are_checked(tmp_path):
             read_bvh(path, **options)
     with pytest.raises(InputError, match="unit"):
         write_bvh(read_bvh(path), tmp_path / "b.bvh", unit=0)
+
+
+@pytest.mark.parametrize("more", [1, 4, 30])
+def test_rows_beyond_the_frames_that_are_told_are_read(tmp_path, more):
+    text, positions = random_bvh(np.random.default_rng(3))
+    (tmp_path / "more.bvh").write_text(text + (text.splitlines()[-1] + "\n") * more)
+    found, reading = bvh_with(tmp_path / "more.bvh", ReadingOptions(up="y", unit=1.0, mirror=False, skip_first=False))
+    assert found.frames == len(positions) + more
+    np.testing.assert_allclose(found.positions[-more:], np.repeat(found.positions[[len(positions) - 1]], more, 0))
+    assert any("all of them were read" in note for note in reading.notes)

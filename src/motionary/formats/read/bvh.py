@@ -84,7 +84,8 @@ def track_of(raw: RawBVH) -> Track:
     for rows in raw.rows:
         start, frames = frames, frames + len(rows)
         if frames > len(rotations):  # more than the file says
-            rotations, moves = _longer(rotations), {joint: _longer(array) for joint, array in moves.items()}
+            rotations = _longer(rotations, frames)
+            moves = {joint: _longer(array, frames) for joint, array in moves.items()}
         rotations[start:frames] = (0, 0, 0, 1)
         for axes, joints, columns in turns:
             rotations[start:frames, joints] = euler_to_unitquat(axes, np.radians(rows[:, columns]))
@@ -126,5 +127,7 @@ def _columns(nodes: list[Node], first: np.ndarray, kind: str) -> list[tuple[list
     return [(list(axes), joints, np.array(columns)) for axes, (joints, columns) in found.items()]
 
 
-def _longer(array: np.ndarray) -> np.ndarray:
-    return np.concatenate([array, np.empty_like(array)])
+def _longer(array: np.ndarray, frames: int) -> np.ndarray:
+    """With room for that many, and at least twice as many as before."""
+    more = max(frames - len(array), len(array))
+    return np.concatenate([array, np.empty((more, *array.shape[1:]), array.dtype)])

@@ -142,7 +142,10 @@ def _checked(path: Path, arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.
 def _rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
     for key in _RATES:
         if key in arrays and arrays[key].size == 1 and arrays[key].dtype.kind in "fiu":
-            return float(arrays[key].reshape(()))
+            rate = float(arrays[key].reshape(()))
+            if not 0 < rate < float("inf"):
+                raise InputError(f"{path}, {key}", rate, "must be a number above 0")
+            return rate
     raise InputError(path, "no mocap_framerate", "SMPL poses need a rate: fps=, --fps")
 
 

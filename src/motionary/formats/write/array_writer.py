@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import atomic_file
+from motionary.files import atomic_file, save_array
 from motionary.formats.read.smpl import SMPL_OFFSETS, SMPL_ROOT
 from motionary.motion import Motion, Skeleton, foot_contacts
 from motionary.motion.rigging import Rig, to_rig
@@ -19,8 +19,8 @@ from motionary.motion.rotations import euler_to_rotmat, rotmat_to_unitquat, unit
 
 def write_npy(motion: Motion, path: str | os.PathLike, force: bool = True) -> Path:
     """Write joint positions (T, J, 3) float32 alone: no rate, no joint names."""
-    with atomic_file(path, force) as temporary, open(temporary, "wb") as file:
-        np.lib.format.write_array(file, np.ascontiguousarray(motion.positions), allow_pickle=False)
+    with atomic_file(path, force) as temporary:
+        save_array(temporary, motion.positions)
     return Path(path)
 
 

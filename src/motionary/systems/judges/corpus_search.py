@@ -14,7 +14,7 @@ import numpy as np
 
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
-from motionary.files import written_by
+from motionary.files import save_array, written_by
 from motionary.language import Meanings, Sentence, as_written
 from motionary.nn.neighbors import nearest
 from motionary.systems.io import ROLES, roles
@@ -37,7 +37,7 @@ class Index:
     def save(self, folder: Path) -> None:
         """Writes motions.npy and index.json."""
         folder.mkdir(parents=True, exist_ok=True)
-        np.save(folder / "motions.npy", self.motions)
+        save_array(folder / "motions.npy", self.motions)
         about = {"evaluator": self.evaluator, "roles": {"evaluator": self.judge}}
         (folder / ROLES).write_text(json.dumps(about) + "\n")
 

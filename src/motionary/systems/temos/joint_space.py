@@ -13,7 +13,7 @@ from motionary.corpus.ragged import Ragged
 from motionary.corpus.refeatured import from_corpus
 from motionary.corpus.store import Corpus
 from motionary.errors import InputError
-from motionary.files import atomic_file, written_by
+from motionary.files import atomic_file, save_array, written_by
 from motionary.language import Sentence
 from motionary.nn.neighbors import nearest
 from motionary.nn.padding import by_length, pad
@@ -67,8 +67,8 @@ class LatentIndex:
 
     def save(self, folder: Path) -> None:
         """Beside the model's weights."""
-        with atomic_file(folder / INDEX) as path, path.open("wb") as file:
-            np.save(file, self.motions)
+        with atomic_file(folder / INDEX) as path:
+            save_array(path, self.motions)
 
     @classmethod
     def load(cls, folder: Path, stage: str) -> LatentIndex:
