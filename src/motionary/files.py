@@ -84,6 +84,8 @@ def _wide(data: bytes) -> str | None:
     """The name of the UTF-16 that bytes are in, None where they are not."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
+    if not data[:200].strip(b"\0"):
+        return None  # zeros alone, as of a hole in a file, are no text
     if (odd := data[1:200:2].count(0)) + (even := data[:200:2].count(0)) > 0.4 * min(len(data), 200):
         return "utf-16-le" if odd > even else "utf-16-be"
     return None

@@ -38,6 +38,10 @@ def _built(root, out):
         ),
         ('{"motion": "motions/link.npy", "fps": 20}', "leads out of the folder"),
         ('{"motion": "motions/bad.npy", "fps": 20, "unit": ' + "9" * 400 + "}", "must be metres per unit"),
+        (
+            json.dumps({"motion": "motions/bad.npy", "fps": 20, "captions": [{"text": "a person walks"}] * 1001}),
+            "a clip may have 1,000",
+        ),
     ],
 )
 def test_a_line_nobody_can_use(tmp_path, folder_of, line, rule):

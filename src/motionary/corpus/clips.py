@@ -17,11 +17,12 @@ from motionary.motion import Motion
 from motionary.motion.motion import SLOWEST_RATE
 from motionary.motion.roles import READING_KEYS
 
-MOTION_FILES = (".bvh", ".npy", ".npz", ".amc", ".glb", ".gltf")
+MOTION_FILES = (".bvh", ".npy", ".npz", ".amc", ".glb", ".gltf", ".c3d")
 BARE_ARRAYS = (".npy",)
 CLIP_KEYS = ("motion", "fps", "subject", "style", "action", "skeleton", "captions", "mapping", *READING_KEYS)
 CAPTION_KEYS = ("text", "start", "end", "source")
 LONGEST_CAPTION = 1000
+_MOST_CAPTIONS = 1000  # of a clip, each of which may ask for a window of its own
 LONGEST_LABEL = 100
 TOLERANCE = 0.1  # s by which a caption may overhang its clip: labels are rounded to frames of another rate
 
@@ -210,7 +211,10 @@ def captions(
     listed = values.get("captions") or []
     if not isinstance(listed, list):
         raise InputError(f"{where}: captions", listed, "must be a list of {text, start, end, source}")
-    return tuple(_usable(listed, where, problems, set() if seen is None else seen))
+    if len(listed) > _MOST_CAPTIONS:
+        rule = f"a clip may have {_MOST_CAPTIONS:,}; the others are left out"
+        problems.append(InputError(f"{where}: captions", f"{len(listed):,}", rule))
+    return tuple(_usable(listed[:_MOST_CAPTIONS], where, problems, set() if seen is None else seen))
 
 
 def check_text(text: Any, where: str) -> str:

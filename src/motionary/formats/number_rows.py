@@ -45,7 +45,7 @@ def text_end(file: BinaryIO) -> int:
     """Bytes up to the last that is neither white space nor filling."""
     at = file.seek(0, 2)
     while at > 0:
-        start = max(at - 4096, 0)
+        start = max(at - PIECE, 0)
         file.seek(start)
         if tail := file.read(at - start).rstrip(_ENDS):
             return start + len(tail)

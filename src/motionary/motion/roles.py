@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import read_text
+from motionary.files import read_text, readable
 from motionary.motion.rigs import CENTRAL, REQUIRED, ROLES, SIDES, find_roles
 from motionary.motion.tree import common_ancestor, roles_by_tree
 
@@ -21,6 +21,7 @@ READING_KEYS = ("up", "unit", "mirror", "skip_first", "body")
 _LIMBS = (("pelvis", "hip", "knee", "ankle", "foot"), ("collar", "shoulder", "elbow", "wrist"))
 _SPINE = ("spine1", "spine2", "spine3")
 _MOST_SAID = 3
+_LONGEST_FILE = 4_000_000  # bytes of a mapping
 
 
 def roles_of(
@@ -141,6 +142,8 @@ def load_mapping(given: Path | str | Mapping[str, Any]) -> Mapping[str, Any]:
     if isinstance(given, Mapping):
         return given
     try:
+        if (size := readable(given).stat().st_size) > _LONGEST_FILE:
+            raise InputError(given, f"{size:,} bytes", f"a mapping may have {_LONGEST_FILE:,}")
         mapping = json.loads(read_text(given))
     except InputError as error:
         raise InputError(given, error.value, f"{error.rule}; a JSON file with a joint name for each role") from None

@@ -7,6 +7,7 @@ import pytest
 from c3d_files import c3d_bytes
 
 from motionary.corpus.demo import demo_clip
+from motionary.corpus.sources import FolderSource
 from motionary.errors import InputError
 from motionary.formats.read import read_motion_with
 from motionary.motion import retarget
@@ -111,3 +112,10 @@ def test_damaged_files_are_said(tmp_path):
         path.write_bytes(good[:size])
         with pytest.raises(InputError, match=r"take\.c3d"):
             read_motion_with(path)
+
+
+def test_a_folder_of_them_is_a_data_root(tmp_path):
+    (tmp_path / "walk.c3d").write_bytes(c3d_bytes(NAMES, LAB, CLIP.fps))
+    (clip,), problems = FolderSource(tmp_path, "root").clips()
+    assert not problems
+    assert clip.load(clip)[0].frames == CLIP.frames

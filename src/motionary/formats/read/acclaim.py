@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import decoded, read_text, text_stream
+from motionary.files import decoded, read_text, readable, text_stream
 from motionary.formats.animated_rig import Track, stretches
 from motionary.formats.number_rows import Told, reading_bar, text_lines
 from motionary.formats.read.asf import MOVES, TURNS, AcclaimRig, parse_asf
@@ -56,10 +56,10 @@ def amc_with(
     Raises:
         InputError: a missing ASF, an unknown bone, a wrong count or value: file, line and rule.
     """
-    path, options = Path(path), options or ReadingOptions()
+    path, options = readable(path), options or ReadingOptions()
+    rig_path = _find_asf(path) if asf is None else Path(asf)
+    rig = parse_asf(read_text(rig_path), rig_path)
     with text_stream(path) as file, reading_bar(file, path, options.progress) as told:
-        rig_path = _find_asf(path) if asf is None else Path(asf)
-        rig = parse_asf(read_text(rig_path), rig_path)
         size = file.seek(0, 2)
         file.seek(0)
         values, degrees, frames = _parse_amc(_lines(file, size, told), rig, path)
