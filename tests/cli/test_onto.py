@@ -10,6 +10,7 @@ from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
 from motionary.corpus.demo import demo_clips
 from motionary.formats import read_motion
+from motionary.formats.gltf_file import chunks, packed
 from motionary.motion import Skeleton, fit_rotations, retarget
 
 
@@ -45,6 +46,54 @@ def test_what_is_no_rig_is_said_in_one_line(files, capsys):
     assert main(["convert", str(folder / "walk.npz"), str(folder / "out.bvh"), "--onto", str(folder / "walk.npz")]) == 2
     assert "must be a .bvh or .glb file" in capsys.readouterr().err
     assert not (folder / "out.bvh").exists()
+
+
+def _changed(node=None, **parts):
+    """Changes a character's document: its fourth joint's node, or the document itself."""
+
+    def change(document):
+        document["nodes"][document["skins"][0]["joints"][3]] |= node or {}
+        return document | parts
+
+    return change
+
+
+ALONE = {"asset": {"version": "2.0"}, "nodes": [{"children": [0]}], "skins": [{"joints": [0]}]}
+CHAIN = {"nodes": [{"children": [i + 1]} for i in range(19999)] + [{}], "skins": [{"joints": [*range(19600, 20000)]}]}
+
+
+@pytest.mark.parametrize("extension", ["bvh", "glb"])
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda _: ALONE, "node 0, children"),
+        (lambda document: document | CHAIN, "roles of no known joint"),
+        (_changed({"children": [3]}), "children"),
+        (_changed({"children": 5}), "children: 5"),
+        (_changed({"translation": "x"}), "translation: x"),
+        (_changed({"translation": True}), "translation: True"),
+        (_changed({"translation": [10**400, 0, 0]}), "translation"),
+        (_changed({"scale": [0, 0, 0]}), "scale: "),
+        (_changed({"scale": [-1, 1, 1]}), "scale: "),
+        (_changed({"rotation": [0, 0, 0, 0]}), "rotation: "),
+        (_changed(skins=None), "skins: None"),
+        (_changed(skins=[{"joints": "x"}]), "skin 0, joints: x"),
+        (_changed(accessors=None), "accessors: None"),
+        (_changed(asset={}), "version None"),
+        (_changed(buffers=[{"uri": "x.bin", "byteLength": 4}]), "must lie inside the .glb"),
+    ],
+)
+def test_a_damaged_character_is_said_in_one_line(files, capsys, extension, change, said):
+    folder, _ = files
+    document, data = chunks(folder / "character.glb")
+    (folder / "rig.glb").write_bytes(packed(change(document), data))
+    target = folder / f"out.{extension}"
+    assert main(["convert", str(folder / "walk.npz"), str(target), "--onto", str(folder / "rig.glb")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"error: {folder / 'rig.glb'}")
+    assert said in error
+    assert error.count("\n") == 1
+    assert not target.exists()
 
 
 @pytest.mark.parametrize(

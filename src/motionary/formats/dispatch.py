@@ -14,6 +14,8 @@ import numpy as np
 
 from motionary.errors import InputError
 
+DAMAGED_RIG = "cannot be read as a character (damaged?)"
+
 
 def function_of(path: str | os.PathLike, table: Mapping[str, str], done: str) -> Callable[..., Any]:
     """The function that `table` names for the path's extension as "module:function"; InputError lists what it has."""
@@ -32,6 +34,15 @@ def given(function: Callable[..., Any], path: str | os.PathLike, options: dict[s
         if name not in names or name == "force":
             raise InputError(path, name, f"no option of this format; it has {', '.join(names)}")
     return options
+
+
+@contextmanager
+def about(path: str | os.PathLike) -> Iterator[None]:
+    """Complaints of the block name the file that they are about."""
+    try:
+        yield
+    except InputError as error:
+        raise error if str(path) in error.what else error.of(path) from None
 
 
 @contextmanager

@@ -84,6 +84,7 @@ def channels_of(file: GltfFile, animation: dict[str, Any], where: str) -> dict[t
     """
     samplers = file.entries("samplers", animation, f"{where}, ")
     found: dict[tuple[int, str], Channel] = {}
+    read: dict[tuple[int, str], Channel] = {}  # by sampler: several nodes may share one
     for i, entry in enumerate(file.entries("channels", animation, f"{where}, ")):
         what, target = f"{where}, channel {i}", entry.get("target")
         if not isinstance(target, dict):
@@ -92,8 +93,12 @@ def channels_of(file: GltfFile, animation: dict[str, Any], where: str) -> dict[t
         if "node" not in target or not isinstance(path, str) or path not in WIDTHS:
             continue
         node = file.index(target["node"], len(file.nodes), f"{what}, node")
-        sampler = samplers[file.index(entry.get("sampler"), len(samplers), f"{what}, sampler")]
-        found[node, path] = _channel(file, sampler, path, what)
+        if (node, path) in found:
+            raise file.wrong(what, f"{path} of node {node}", "each property of a node has one channel")
+        at = file.index(entry.get("sampler"), len(samplers), f"{what}, sampler")
+        if (at, path) not in read:
+            read[at, path] = _channel(file, samplers[at], path, what)
+        found[node, path] = read[at, path]
     return found
 
 

@@ -24,6 +24,7 @@ from motionary.motion.rotations import rotmat_to_unitquat
 
 JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
 _RULE = "must be a glTF 2.0 file"
+_HEAD, _MOST_CHUNKS = 12, 16  # bytes; a document, its buffer, and what extensions add
 _MOST_NODES = 20_000
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -35,11 +36,19 @@ def chunks(path: Path) -> tuple[dict[str, Any], bytes]:
     Raises:
         InputError: another format, truncated, or JSON that is none.
     """
-    content, rule = path.read_bytes(), "must be a glTF 2.0 binary file"
-    if content[:4] != b"glTF" or len(content) < 20:
-        raise InputError(path, content[:4], rule)
-    document, data, at = None, b"", 12
+    rule = "must be a glTF 2.0 binary file"
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+        if head[:4] != b"glTF" or len(head) < _HEAD:
+            raise InputError(path, head[:4], rule)
+        (told,) = struct.unpack_from("<I", head, 8)
+        content = head + file.read(max(told - _HEAD, 0))  # what follows is none of it
+    if len(content) < told:
+        raise InputError(path, "truncated", rule)
+    document, data, at, count = None, b"", _HEAD, 0
     while at + 8 <= len(content):
+        if (count := count + 1) > _MOST_CHUNKS:
+            raise InputError(path, f"more than {_MOST_CHUNKS} chunks", rule)
         length, kind = struct.unpack_from("<I4s", content, at)
         if at + 8 + length > len(content):
             raise InputError(path, "truncated", rule)

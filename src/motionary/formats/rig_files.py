@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from motionary.errors import InputError
-from motionary.formats.dispatch import foreseen
+from motionary.formats.dispatch import DAMAGED_RIG, about, foreseen
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rigging import Rig
 
@@ -27,11 +27,11 @@ def read_rig(rig: Skeleton | Motion | Rig | str | os.PathLike) -> Rig:
     if suffix == ".bvh":
         from motionary.formats.read.bvh import read_bvh
 
-        with foreseen(rig, "cannot be read as a character (damaged?)"):
+        with foreseen(rig, DAMAGED_RIG), about(rig):
             return read_rig(read_bvh(rig))
     if suffix == ".glb":
         from motionary.formats.write.glb_rig import Character
 
-        with foreseen(rig, "cannot be read as a character (damaged?)"):
+        with foreseen(rig, DAMAGED_RIG), about(rig):
             return Character.read(rig).rig
     raise InputError("rig", rig, "must be a .bvh or .glb file, a motion or a skeleton")

@@ -241,6 +241,7 @@ BROKEN = {
     "nan": (lambda d: d["nodes"][3].update(translation=[0, float("nan"), 0]), "node 3, translation.*finite"),
     "joints": (lambda d: d["skins"][0].update(joints=[0, True]), "skin 0, joints"),
     "sampler": (lambda d: d["animations"][0]["channels"][2].update(sampler=-1), "channel 2, sampler"),
+    "twice": (lambda d: d["animations"][0]["channels"].append(d["animations"][0]["channels"][0]), "one channel"),
     "interpolation": (lambda d: d["animations"][0]["samplers"][2].update(interpolation="SLERP"), "SLERP"),
     "too few values": (lambda d: d["accessors"][0].update(count=19), "channel 0, output.*19 values.*20 keys"),
     "too many values": (lambda d: d["accessors"][0].update(count=10**11), "channel 0, output.*within its buffer"),
@@ -290,6 +291,22 @@ def test_other_bytes_and_keys_far_away(tmp_path, person):
         made.channel(0, "translation", times, np.zeros((2, 3)))
         with pytest.raises(InputError, match=rf"a\.glb.*{rule}"):
             read_motion(made.glb(tmp_path / "a.glb"))
+
+
+def test_a_glb_ends_where_its_head_says(tmp_path, good):
+    """What follows is none of it, and a hole of zeros is not taken for chunks."""
+    whole = packed(good.document, bytes(good.data))
+    (tmp_path / "whole.glb").write_bytes(whole)
+    (tmp_path / "more.glb").write_bytes(whole + bytes(1000))
+    assert read_motion(tmp_path / "more.glb").frames == read_motion(tmp_path / "whole.glb").frames
+    for name, data, rule in (
+        ("cut", whole[:-4], "truncated"),
+        ("empty", b"glTF\2\0\0\0" + bytes(4096), "no JSON"),
+        ("chunks", b"glTF\2\0\0\0" + (12 + 8 * 400).to_bytes(4, "little") + bytes(3200), "more than 16 chunks"),
+    ):
+        (tmp_path / f"{name}.glb").write_bytes(data)
+        with pytest.raises(InputError, match=rf"{name}\.glb: {rule}"):
+            read_motion(tmp_path / f"{name}.glb")
 
 
 def test_a_link_out_of_the_folder_is_not_followed(tmp_path, person):

@@ -116,7 +116,7 @@ def skinned(tmp_path):
     smpl = Skeleton.named("smpl22")
     Motion(np.tile(smpl.rest + np.array([0, 1, 0]), (2, 1, 1)), 30, smpl).save(tmp_path / "plain.glb")
     plain = Character.read(tmp_path / "plain.glb")
-    document = json.loads(json.dumps(plain.document))
+    document = json.loads(json.dumps(plain.file.document))
     for node in document["nodes"][:22]:
         node["translation"] = [100 * x for x in node["translation"]]
     half = np.radians(45) / 2
@@ -128,7 +128,7 @@ def skinned(tmp_path):
     document["nodes"].append(armature)
     document["scenes"] = [{"nodes": [len(document["nodes"]) - 1, 22]}]
     path = tmp_path / "skinned.glb"
-    path.write_bytes(packed(document, plain.data))
+    path.write_bytes(packed(document, plain.file.data))
     return path
 
 
@@ -165,7 +165,7 @@ def test_a_glb_keeps_mesh_and_skin_and_moves_as_the_motion(person, skinned, tmp_
     write_motion(person, tmp_path / "out.glb", onto=skinned)
     before, after = (pygltflib.GLTF2().load(str(p)) for p in (skinned, tmp_path / "out.glb"))
     assert [node.name for node in after.nodes] == [node.name for node in before.nodes]
-    plain, ours = Character.read(skinned).document, Character.read(tmp_path / "out.glb").document
+    plain, ours = (Character.read(file).file.document for file in (skinned, tmp_path / "out.glb"))
     assert all(ours[key] == plain[key] for key in ("meshes", "skins", "materials", "nodes", "scenes"))
     assert after.binary_blob()[: len(before.binary_blob())] == before.binary_blob()
     for frame in (0, 9, 19):

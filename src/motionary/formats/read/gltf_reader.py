@@ -109,6 +109,8 @@ def _joints(file: GltfFile, channels: Mapping[tuple[int, str], Channel]) -> list
     """The nodes that are joints, parents before children, else in the order of the file."""
     moved = {node for node, path in channels if path != "scale"}
     wanted = set(_skins(file)[0]) if _skins(file) else moved
+    if len(wanted) > MOST_JOINTS:
+        raise file.wrong("joints", len(wanted), f"must be at most {MOST_JOINTS}")
     ways = {node: _way(file, node) for node in wanted}
     tops = [way[0] for way in ways.values()]
     top = max(dict.fromkeys(tops), key=tops.count)  # what hangs elsewhere is a prop

@@ -10,6 +10,7 @@ import numpy as np
 from motionary.files import text_stream, write_bytes
 from motionary.formats.animated_rig import Track
 from motionary.formats.bvh_text import Node, parse, render
+from motionary.formats.dispatch import DAMAGED_RIG, about, foreseen
 from motionary.formats.read.bvh import read_bvh, track_of
 from motionary.motion import Motion
 from motionary.motion.rigging import Rig, to_rig
@@ -22,11 +23,13 @@ def write_bvh_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
     Raises:
         InputError: the rig's file is not readable or lacks a role, or the place cannot be written.
     """
-    with text_stream(onto) as file:
-        raw = parse(file, onto)
-        track = track_of(raw)
-    own = read_bvh(onto)
-    moved = to_rig(motion, Rig.of(own.skeleton, own.rotations))
+    with foreseen(onto, DAMAGED_RIG), about(onto):
+        with text_stream(onto) as file:
+            raw = parse(file, onto)
+            track = track_of(raw)
+        own = read_bvh(onto)
+        rig = Rig.of(own.skeleton, own.rotations)
+    moved = to_rig(motion, rig)
     return write_bytes(path, render(raw.nodes, 1 / motion.fps, _values(raw.nodes, track, moved)), force)
 
 

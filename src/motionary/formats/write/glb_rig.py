@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import readable, write_bytes
+from motionary.files import write_bytes
 from motionary.formats.animated_rig import unique_names
-from motionary.formats.gltf_file import chunks, packed
+from motionary.formats.dispatch import DAMAGED_RIG, about, foreseen
+from motionary.formats.gltf_file import GltfFile, GltfNode, packed
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rigging import Rig, to_rig
 from motionary.motion.rotations import quat_continuation, rotmat_to_unitquat, unitquat_to_rotmat
+from motionary.motion.skeleton import MOST_JOINTS
 
 
 @dataclass(frozen=True)
@@ -24,15 +26,13 @@ class Character:
     """A .glb file with a skin.
 
     Attributes:
-        document: glTF's JSON.
-        data: its binary buffer.
+        file: its glTF.
         nodes: (J,) the node of each joint, parents before children.
         above: (4, 4) what the nodes above the root joint do, at rest.
         rig: skeleton and pose of the skin, metres, y up.
     """
 
-    document: dict[str, Any]
-    data: bytes
+    file: GltfFile
     nodes: list[int]
     above: np.ndarray
     rig: Rig
@@ -42,27 +42,29 @@ class Character:
         """Read a character.
 
         Raises:
-            InputError: not glTF 2.0 in one file, or without a skin on one tree of joints.
+            InputError: not glTF 2.0 in one file, damaged, or without a skin on one tree of joints.
         """
-        document, data = chunks(readable(path))
-        nodes = document.get("nodes", [])
-        parent = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
-        joints = {joint for skin in document.get("skins", []) for joint in skin["joints"]}
-        if not joints:
-            raise InputError(path, "no skin", "must hold a character with a skin, whose joints a motion can move")
-        order = _tree(joints, parent, path)
-        world = _worlds(nodes, parent)
-        turned = np.array([_rotation(world[node]) for node in order])
-        points = np.array([world[node][:3, 3] for node in order])
-        above = [order.index(parent[node]) if k else -1 for k, node in enumerate(order)]
+        file = GltfFile.read(path)
+        for key in ("bufferViews", "accessors", "animations"):
+            file.entries(key)  # what is written beside them must find lists
+        if any("uri" in buffer for buffer in file.entries("buffers")[:1]):
+            raise file.wrong("buffer 0, uri", file.document["buffers"][0]["uri"], "must lie inside the .glb")
+        order = _tree(file)
+        parents, place = file.parents, {node: k for k, node in enumerate(order)}
+        above = [place[parents[node]] if k else -1 for k, node in enumerate(order)]
+        base = _above(file, order[0])
+        world: list[np.ndarray] = []
+        for node, parent in zip(order, above, strict=True):
+            world.append((world[parent] if world else base) @ _matrix(file, node))
+        turned = np.array([_rotation(matrix) for matrix in world])
+        points = np.array([matrix[:3, 3] for matrix in world])
         offsets, pose = np.zeros((len(order), 3)), turned.copy()
         for j, p in enumerate(above[1:], 1):
             offsets[j] = turned[p].T @ (points[j] - points[p])
             pose[j] = turned[p].T @ turned[j]
-        names = unique_names([nodes[node].get("name", f"node{node}") for node in order])
+        names = unique_names([file.nodes[node].name for node in order])
         rig = Rig.posed(Skeleton.from_rig(Path(path).stem, names, above, offsets), pose)
-        base = world[parent[order[0]]] if order[0] in parent else np.eye(4)
-        return Character(document, data, order, base, rig)
+        return Character(file, order, base, rig)
 
 
 def write_glb_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathLike, force: bool = True) -> Path:
@@ -71,10 +73,11 @@ def write_glb_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
     Raises:
         InputError: the character's file is not readable or lacks a role, or the place cannot be written.
     """
-    character = Character.read(onto)
+    with foreseen(onto, DAMAGED_RIG), about(onto):
+        character = Character.read(onto)
     moved = to_rig(motion, character.rig)
     assert moved.rotations is not None
-    document, data = json.loads(json.dumps(character.document)), bytearray(character.data)
+    document, data = json.loads(json.dumps(character.file.document)), bytearray(character.file.data)
     document["buffers"] = document.get("buffers") or [{"byteLength": 0}]
     time = (np.arange(moved.frames) / moved.fps).astype(np.float32)
     clock = _add(document, data, time, bounds=True)
@@ -93,7 +96,7 @@ def write_glb_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
     inverse = np.linalg.inv(character.above)
     channel(0, "translation", moved.positions[:, 0] @ inverse[:3, :3].T + inverse[:3, 3])
     for joint, node in enumerate(character.nodes):
-        _as_parts(document["nodes"][node])
+        _as_parts(document["nodes"][node], character.file.nodes[node])
         channel(joint, "rotation", rotations[:, joint])
     document["animations"] = [{"name": "motion", "channels": channels, "samplers": samplers}]
     document["buffers"][0]["byteLength"] = len(data)
@@ -114,52 +117,60 @@ def _add(document: dict[str, Any], data: bytearray, values: np.ndarray, bounds: 
     return len(accessors) - 1
 
 
-def _tree(joints: set[int], parent: dict[int, int], path: object) -> list[int]:
-    """The joints and what lies between them, parents before children."""
-    ways = {}
+def _tree(file: GltfFile) -> list[int]:
+    """The nodes of the skins' joints and what lies between them, parents before children."""
+    parents, count = file.parents, len(file.nodes)
+    joints: set[int] = set()
+    for i, skin in enumerate(file.entries("skins")):
+        named = skin.get("joints")
+        if not isinstance(named, list):
+            raise file.wrong(f"skin {i}, joints", named, "must be a list of nodes")
+        joints.update(file.index(joint, count, f"skin {i}, joints") for joint in named)
+    if not joints:
+        raise InputError(file.path, "no skin", "must hold a character with a skin, whose joints a motion can move")
+    depth: dict[int, int] = {}  # of the joints and of all nodes above them
     for joint in joints:
         way = [joint]
-        while way[-1] in parent:
-            way.append(parent[way[-1]])
-        ways[joint] = way[::-1]
-    top = min(joints, key=lambda joint: len(ways[joint]))
-    if loose := [joint for joint in joints if top not in ways[joint]]:
-        raise InputError(path, f"{len(loose) + 1} roots", "the skin's joints must hang on one of them")
-    wanted = {node: ways[joint][: k + 1] for joint in joints for k, node in enumerate(ways[joint])}
-    below = [node for node, way in wanted.items() if top in way]
-    return sorted(below, key=lambda node: (len(wanted[node]), node))
+        while way[-1] in parents and way[-1] not in depth:
+            way.append(parents[way[-1]])
+        first = depth.get(way[-1], 0)
+        depth |= {node: first + k for k, node in enumerate(reversed(way))}
+    top = min(joints, key=lambda joint: (depth[joint], joint))
+    inside = {top}
+    for node in sorted(depth, key=lambda node: depth[node]):
+        if parents.get(node) in inside:
+            inside.add(node)
+    if loose := joints - inside:
+        raise InputError(file.path, f"{len(loose) + 1} roots", "the skin's joints must hang on one of them")
+    if len(inside) > MOST_JOINTS:
+        raise InputError(file.path, f"{len(inside)} joints", f"must be at most {MOST_JOINTS}")
+    return sorted(inside, key=lambda node: (depth[node], node))
 
 
-def _worlds(nodes: list[dict[str, Any]], parent: dict[int, int]) -> list[np.ndarray]:
-    """(4, 4) of every node at rest."""
-    found: dict[int, np.ndarray] = {}
-
-    def world(i: int) -> np.ndarray:
-        """The world matrix (4, 4) of node i, through its parents."""
-        if i not in found:
-            found[i] = (world(parent[i]) if i in parent else np.eye(4)) @ _matrix(nodes[i])
-        return found[i]
-
-    return [world(i) for i in range(len(nodes))]
-
-
-def _matrix(node: dict[str, Any]) -> np.ndarray:
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    result = np.eye(4)
-    result[:3, :3] = unitquat_to_rotmat(np.array(node.get("rotation", [0, 0, 0, 1.0]))) * node.get("scale", [1, 1, 1])
-    result[:3, 3] = node.get("translation", [0, 0, 0])
+def _above(file: GltfFile, top: int) -> np.ndarray:
+    """(4, 4) what the nodes above one do, at rest."""
+    result, node = np.eye(4), file.parents.get(top)
+    while node is not None:
+        result, node = _matrix(file, node) @ result, file.parents.get(node)
     return result
 
 
-def _as_parts(node: dict[str, Any]) -> None:
+def _matrix(file: GltfFile, i: int) -> np.ndarray:
+    """(4, 4) of a node at rest."""
+    node = file.nodes[i]
+    if not (node.scale > 0).all():
+        raise file.wrong(f"node {i}, scale", node.scale.tolist(), "must be above 0")
+    result = np.eye(4)
+    result[:3, :3] = unitquat_to_rotmat(node.rotation) * node.scale
+    result[:3, 3] = node.translation
+    return result
+
+
+def _as_parts(entry: dict[str, Any], node: GltfNode) -> None:
     """Animated nodes must have translation, rotation and scale in place of a matrix (glTF 2.0, 3.6.2)."""
-    if "matrix" in node:
-        matrix = _matrix(node)
-        del node["matrix"]
-        node["translation"] = matrix[:3, 3].tolist()
-        node["rotation"] = rotmat_to_unitquat(_rotation(matrix)).tolist()
-        node["scale"] = np.linalg.norm(matrix[:3, :3], axis=0).tolist()
+    if entry.pop("matrix", None) is not None:
+        entry["translation"], entry["rotation"] = node.translation.tolist(), node.rotation.tolist()
+        entry["scale"] = node.scale.tolist()
 
 
 def _rotation(matrix: np.ndarray) -> np.ndarray:
