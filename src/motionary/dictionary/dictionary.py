@@ -160,7 +160,7 @@ class Dictionary(Editing):
             reference: a motion in the wanted style, of at least a second or two. With `style` it says in which way.
             n: variants; a reference has only one.
             seed: equal motion, style, seed and variant give an equal result, whatever else is asked with them.
-            strength: 0 keeps the motion as it is, 1 is the full style, more exaggerates.
+            strength: 0 is the motion as the model rebuilds it, 1 the full style, more exaggerates.
             keep_rig: return each motion onto the rig and rate that it came from.
             feet: let them stand; False gives what the models made.
 

@@ -36,9 +36,8 @@ def choose_device(device: str = "auto") -> str:
         return "cuda" if torch.cuda.is_available() else "cpu"
     try:
         torch.empty(1, device=device).cpu()
-    except Exception as error:  # of any kind: a name that torch does not know, a build without it, a card too few
-        first = str(error).splitlines()[0]
-        raise InputError("device", device, f"must be auto, cpu or a device that is here ({first})") from None
+    except Exception:  # of any kind: a name that torch does not know, a build without it, a card too few
+        raise InputError("device", device, "must be auto, cpu or a device that is here, as cuda:0") from None
     return device
 
 
