@@ -18,11 +18,13 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from motionary.errors import InputError
+from motionary.errors import InputError, is_real
 from motionary.files import readable
 from motionary.motion.rotations import rotmat_to_unitquat
+from motionary.motion.skeleton import MOST_JOINTS
 
 JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
+GENERATOR = "motionary"  # the generator that our own files name
 _RULE = "must be a glTF 2.0 file"
 _HEAD, _MOST_CHUNKS = 12, 16  # bytes; a document, its buffer, and what extensions add
 _MOST_NODES = 20_000
@@ -154,13 +156,9 @@ class GltfFile:
 
     def numbers(self, values: object, count: int, what: str) -> np.ndarray:
         """(count,) finite numbers of the JSON."""
-        try:
-            found = np.array(values, np.float64)
-        except (ValueError, TypeError, OverflowError):
-            found = np.empty(0)
-        if found.shape != (count,) or not np.isfinite(found).all():
+        if not isinstance(values, list) or len(values) != count or not all(map(is_real, values)):
             raise self.wrong(what, values, f"must be {count} finite numbers")
-        return found
+        return np.array(values, np.float64)
 
     @cached_property
     def nodes(self) -> list[GltfNode]:
@@ -188,6 +186,27 @@ class GltfFile:
         if len(free) < len(self.nodes):
             raise self.wrong("nodes", f"{len(self.nodes) - len(free)} in a circle", "must be trees")
         return found
+
+    @cached_property
+    def skins(self) -> list[list[int]]:
+        """The joints of each skin."""
+        found = []
+        for i, skin in enumerate(self.entries("skins")):
+            joints = skin.get("joints")
+            if not isinstance(joints, list) or not 0 < len(joints) <= MOST_JOINTS:
+                raise self.wrong(f"skin {i}, joints", joints, f"must be a list of 1 to {MOST_JOINTS} nodes")
+            found.append([self.index(joint, len(self.nodes), f"skin {i}, joints") for joint in joints])
+        return found
+
+    def inverse_bind(self) -> dict[int, np.ndarray]:
+        """(4, 4) by node, of the first skin where it has them, and they can be turned back."""
+        skins = self.entries("skins")
+        if not skins or "inverseBindMatrices" not in skins[0]:
+            return {}
+        values = self.accessor(skins[0]["inverseBindMatrices"], 16, "skin 0, inverseBindMatrices")
+        matrices = values.reshape(-1, 4, 4).transpose(0, 2, 1)
+        good = np.abs(np.linalg.det(matrices)) > 1e-12
+        return {node: matrix for node, matrix, can in zip(self.skins[0], matrices, good, strict=False) if can}
 
     def _node(self, i: int, entry: dict[str, Any], count: int) -> GltfNode:
         where, name, children = f"node {i}", entry.get("name"), entry.get("children", [])

@@ -13,7 +13,7 @@ import pytest
 from motionary.errors import InputError
 from motionary.formats import read_motion, write_motion
 from motionary.formats.bvh_text import parse
-from motionary.formats.gltf_file import packed
+from motionary.formats.gltf_file import chunks, packed
 from motionary.formats.read.smpl import SMPL_OFFSETS, SMPL_ROOT
 from motionary.formats.write.glb_rig import Character
 from motionary.motion import Motion, Skeleton
@@ -172,6 +172,40 @@ def test_a_glb_keeps_mesh_and_skin_and_moves_as_the_motion(person, skinned, tmp_
         found = worlds(after, frame)
         for joint, position in zip(moved.skeleton.joints, moved.positions[frame], strict=True):
             np.testing.assert_allclose(found[joint], position, atol=1e-4)
+
+
+@pytest.mark.parametrize("generator", ["motionary", "another program"])
+def test_a_glb_reads_back_at_the_motion_s_rate(person, skinned, tmp_path, generator):
+    """Whatever the rate was that the character's own animation had."""
+    document, data = chunks(skinned)
+    document["asset"] |= {"generator": generator}
+    skinned.write_bytes(packed(document, data))
+    faster = Motion(person.positions, 60, person.skeleton, person.rotations)
+    again = read_motion(write_motion(faster, tmp_path / "out.glb", onto=skinned))
+    assert (again.fps, again.frames) == (60, faster.frames)
+
+
+REFUSED = {
+    "joints again and again": (lambda d: d["skins"][0].update(joints=d["skins"][0]["joints"] * 30), "1 to 500 nodes"),
+    "a skin of nothing": (lambda d: d["skins"].append({"joints": []}), "skin 1, joints"),
+    "no such bind": (lambda d: d["skins"][0].update(inverseBindMatrices=9999), "inverseBindMatrices"),
+    "truth for a number": (lambda d: d["nodes"][3].update(translation=[True, 0, 0]), "3 finite numbers"),
+    "text for numbers": (lambda d: d["nodes"][3].update(translation=["1", "2", "3"]), "3 finite numbers"),
+    "far away": (lambda d: d["nodes"][3].update(translation=[1e30, 0, 0]), "node 3.*must rest within"),
+    "huge": (lambda d: d["nodes"][3].update(scale=[1e300] * 3), "node 3.*must rest within"),
+    "huge above": (lambda d: d["nodes"][23].update(translation=[1e200] * 3), "node 23.*must rest within"),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", REFUSED)
+def test_characters_whose_motion_could_not_be_read_back_are_refused(person, skinned, tmp_path, kind):
+    change, rule = REFUSED[kind]
+    document, data = chunks(skinned)
+    change(document)
+    (tmp_path / "rig.glb").write_bytes(packed(document, data))
+    with pytest.raises(InputError, match=rf"rig\.glb.*{rule}"):
+        write_motion(person, tmp_path / "out.glb", onto=tmp_path / "rig.glb")
 
 
 def test_an_a_posed_glb_gets_the_source_s_arms(person, skinned):

@@ -16,7 +16,7 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.formats.animated_rig import Track, unique_names
 from motionary.formats.gltf_channels import Channel, channels_of, rate_of
-from motionary.formats.gltf_file import GltfFile
+from motionary.formats.gltf_file import GENERATOR, GltfFile
 from motionary.formats.measure.unit import USUAL as UNIT_USUAL
 from motionary.formats.read.extent import check_extent
 from motionary.formats.read.reading_options import Reading, ReadingOptions
@@ -65,7 +65,7 @@ def gltf_with(
     channels, notes = _animation(file, animation)
     joints = _joints(file, channels)
     channels = {key: channel for key, channel in channels.items() if key[0] in joints}
-    ours = file.document["asset"].get("generator") == "motionary"
+    ours = file.document["asset"].get("generator") == GENERATOR
     rate = fps or _written_rate(file, ours) or rate_of(channels.values())
     times = _times(file, channels, rate, len(joints))
     notes += _uneven(file, joints, channels)
@@ -81,7 +81,7 @@ def _animation(file: GltfFile, wanted: str | None) -> tuple[dict[tuple[int, str]
     names = [str(entry.get("name", f"animation{i}")) for i, entry in enumerate(entries)]
     if wanted is not None and wanted not in names:
         raise file.wrong("animation", wanted, f"must be one of {', '.join(names) or 'none, for it holds none'}")
-    skinned = {joint for skin in _skins(file)[:1] for joint in skin}
+    skinned = {joint for skin in file.skins[:1] for joint in skin}
     for name, entry in zip(names, entries, strict=True):
         if wanted not in (None, name):
             continue
@@ -94,21 +94,10 @@ def _animation(file: GltfFile, wanted: str | None) -> tuple[dict[tuple[int, str]
     raise file.wrong("animations", f"{len(entries)}", "one must move joints of the skin, or nodes where there is none")
 
 
-def _skins(file: GltfFile) -> list[list[int]]:
-    """The joints of each skin."""
-    found = []
-    for i, skin in enumerate(file.entries("skins")):
-        joints = skin.get("joints")
-        if not isinstance(joints, list) or not 0 < len(joints) <= MOST_JOINTS:
-            raise file.wrong(f"skin {i}, joints", joints, f"must be a list of 1 to {MOST_JOINTS} nodes")
-        found.append([file.index(joint, len(file.nodes), f"skin {i}, joints") for joint in joints])
-    return found
-
-
 def _joints(file: GltfFile, channels: Mapping[tuple[int, str], Channel]) -> list[int]:
     """The nodes that are joints, parents before children, else in the order of the file."""
     moved = {node for node, path in channels if path != "scale"}
-    wanted = set(_skins(file)[0]) if _skins(file) else moved
+    wanted = set(file.skins[0]) if file.skins else moved
     if len(wanted) > MOST_JOINTS:
         raise file.wrong("joints", len(wanted), f"must be at most {MOST_JOINTS}")
     ways = {node: _way(file, node) for node in wanted}
@@ -121,7 +110,7 @@ def _joints(file: GltfFile, channels: Mapping[tuple[int, str], Channel]) -> list
     above = next(iter(ways.values()))[:shared]
     root = next((k for k, node in enumerate(above) if node in moved), shared - 1)
     nodes = {node for way in ways.values() for node in way[root:]}
-    if not _skins(file):
+    if not file.skins:
         nodes |= _below(file, nodes)
     if len(nodes) > MOST_JOINTS:
         raise file.wrong("joints", len(nodes), f"must be at most {MOST_JOINTS}")
@@ -230,7 +219,7 @@ def _above(file: GltfFile, root: int) -> tuple[np.ndarray, np.ndarray, float]:
 
 def _bind(file: GltfFile, joints: list[int], parents: tuple[int, ...], turn: np.ndarray) -> np.ndarray:
     """(J, 4) global rotations of the joints in the pose in which the skin was bound."""
-    inverse = _inverse_bind(file)
+    inverse = file.inverse_bind()
     found = np.empty((len(joints), 4))
     for j, (node, p) in enumerate(zip(joints, parents, strict=True)):
         above = np.eye(4) if p < 0 else inverse.get(joints[p])
@@ -247,14 +236,3 @@ def _rotation(matrix: np.ndarray) -> np.ndarray | None:
     columns = np.linalg.norm(matrix[:3, :3], axis=0)
     whole = columns.min() > 0 and np.linalg.det(matrix[:3, :3]) > 0
     return rotmat_to_unitquat(matrix[:3, :3] / columns) if whole else None
-
-
-def _inverse_bind(file: GltfFile) -> dict[int, np.ndarray]:
-    """(4, 4) by node, of the first skin where it has them, and they can be turned back."""
-    skins = file.entries("skins")
-    if not skins or "inverseBindMatrices" not in skins[0]:
-        return {}
-    values = file.accessor(skins[0]["inverseBindMatrices"], 16, "skin 0, inverseBindMatrices")
-    matrices = values.reshape(-1, 4, 4).transpose(0, 2, 1)
-    good = np.abs(np.linalg.det(matrices)) > 1e-12
-    return {node: matrix for node, matrix, can in zip(_skins(file)[0], matrices, good, strict=False) if can}

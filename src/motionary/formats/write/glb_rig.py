@@ -14,11 +14,14 @@ from motionary.errors import InputError
 from motionary.files import write_bytes
 from motionary.formats.animated_rig import unique_names
 from motionary.formats.dispatch import DAMAGED_RIG, about, foreseen
-from motionary.formats.gltf_file import GltfFile, GltfNode, packed
+from motionary.formats.gltf_file import GENERATOR, GltfFile, GltfNode, packed
 from motionary.motion import Motion, Skeleton
+from motionary.motion.motion import FARTHEST
 from motionary.motion.rigging import Rig, to_rig
 from motionary.motion.rotations import quat_continuation, rotmat_to_unitquat, unitquat_to_rotmat
 from motionary.motion.skeleton import MOST_JOINTS
+
+_LARGEST = 1e9  # times that the nodes above a node may enlarge it, or make it smaller
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,7 @@ class Character:
         if any("uri" in buffer for buffer in file.entries("buffers")[:1]):
             raise file.wrong("buffer 0, uri", file.document["buffers"][0]["uri"], "must lie inside the .glb")
         order = _tree(file)
+        file.inverse_bind()  # which readers need of what is written
         parents, place = file.parents, {node: k for k, node in enumerate(order)}
         above = [place[parents[node]] if k else -1 for k, node in enumerate(order)]
         base = _above(file, order[0])
@@ -58,6 +62,7 @@ class Character:
             world.append((world[parent] if world else base) @ _matrix(file, node))
         turned = np.array([_rotation(matrix) for matrix in world])
         points = np.array([matrix[:3, 3] for matrix in world])
+        _check_reach(file, [file.parents.get(order[0], order[0]), *order], [base, *world])
         offsets, pose = np.zeros((len(order), 3)), turned.copy()
         for j, p in enumerate(above[1:], 1):
             offsets[j] = turned[p].T @ (points[j] - points[p])
@@ -100,6 +105,9 @@ def write_glb_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
         channel(joint, "rotation", rotations[:, joint])
     document["animations"] = [{"name": "motion", "channels": channels, "samplers": samplers}]
     document["buffers"][0]["byteLength"] = len(data)
+    if (asset := document["asset"]).get("generator") == GENERATOR:  # whose readers look for the rate there
+        extras = asset.get("extras")
+        asset["extras"] = (extras if isinstance(extras, dict) else {}) | {"fps": motion.fps}
     return write_bytes(path, packed(document, bytes(data)), force)
 
 
@@ -119,13 +127,8 @@ def _add(document: dict[str, Any], data: bytearray, values: np.ndarray, bounds: 
 
 def _tree(file: GltfFile) -> list[int]:
     """The nodes of the skins' joints and what lies between them, parents before children."""
-    parents, count = file.parents, len(file.nodes)
-    joints: set[int] = set()
-    for i, skin in enumerate(file.entries("skins")):
-        named = skin.get("joints")
-        if not isinstance(named, list):
-            raise file.wrong(f"skin {i}, joints", named, "must be a list of nodes")
-        joints.update(file.index(joint, count, f"skin {i}, joints") for joint in named)
+    parents = file.parents
+    joints = {joint for skin in file.skins for joint in skin}
     if not joints:
         raise InputError(file.path, "no skin", "must hold a character with a skin, whose joints a motion can move")
     depth: dict[int, int] = {}  # of the joints and of all nodes above them
@@ -164,6 +167,16 @@ def _matrix(file: GltfFile, i: int) -> np.ndarray:
     result[:3, :3] = unitquat_to_rotmat(node.rotation) * node.scale
     result[:3, 3] = node.translation
     return result
+
+
+def _check_reach(file: GltfFile, nodes: list[int], world: list[np.ndarray]) -> None:
+    """InputError for the first of the nodes whose matrix (4, 4) in the world leaves what a motion can hold."""
+    for node, matrix in zip(nodes, world, strict=True):
+        sizes = np.linalg.norm(matrix[:3, :3], axis=0)
+        if not (np.abs(matrix[:3, 3]) <= FARTHEST).all() or not ((sizes > 1 / _LARGEST) & (sizes < _LARGEST)).all():
+            shown = f"at {matrix[:3, 3].tolist()}, scaled by {sizes.tolist()}"
+            rule = f"must rest within {FARTHEST:g} m of the origin, scaled by {1 / _LARGEST:g} to {_LARGEST:g}"
+            raise file.wrong(f"node {node}", shown, rule)
 
 
 def _as_parts(entry: dict[str, Any], node: GltfNode) -> None:

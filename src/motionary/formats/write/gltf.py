@@ -12,6 +12,7 @@ import numpy as np
 
 from motionary.files import writable, write_bytes
 from motionary.formats.animated_rig import place
+from motionary.formats.gltf_file import GENERATOR
 from motionary.formats.render.mesh import Body, capsules, mannequin, rest_positions
 from motionary.formats.tracks import Locals, to_locals
 from motionary.motion import Motion
@@ -55,7 +56,7 @@ def glb_bytes(motion: Motion, mesh: bool = True) -> bytes:
         nodes[p].setdefault("children", []).append(j)
     nodes[0]["translation"] = [float(x) for x in local.translations[0, 0]]
     document: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": "motionary", "extras": {"fps": motion.fps}},
+        "asset": {"version": "2.0", "generator": GENERATOR, "extras": {"fps": motion.fps}},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": nodes,
