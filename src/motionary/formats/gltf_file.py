@@ -13,7 +13,7 @@ import struct
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from urllib.parse import unquote
 
 import numpy as np
@@ -28,6 +28,7 @@ GENERATOR = "motionary"  # the generator that our own files name
 _RULE = "must be a glTF 2.0 file"
 _HEAD, _MOST_CHUNKS = 12, 16  # bytes; a document, its buffer, and what extensions add
 _MOST_NODES = 20_000
+_LONGEST_TEXT = 1 << 28  # bytes; its objects take twenty times as many
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
@@ -39,27 +40,25 @@ def chunks(path: Path) -> tuple[dict[str, Any], bytes]:
         InputError: another format, truncated, or JSON that is none.
     """
     rule = "must be a glTF 2.0 binary file"
+    document, data, at, count = None, b"", _HEAD, 0
     with path.open("rb") as file:
         head = file.read(_HEAD)
         if head[:4] != b"glTF" or len(head) < _HEAD:
             raise InputError(path, head[:4], rule)
-        (told,) = struct.unpack_from("<I", head, 8)
-        content = head + file.read(max(told - _HEAD, 0))  # what follows is none of it
-    if len(content) < told:
-        raise InputError(path, "truncated", rule)
-    document, data, at, count = None, b"", _HEAD, 0
-    while at + 8 <= len(content):
-        if (count := count + 1) > _MOST_CHUNKS:
-            raise InputError(path, f"more than {_MOST_CHUNKS} chunks", rule)
-        length, kind = struct.unpack_from("<I4s", content, at)
-        if at + 8 + length > len(content):
+        (told,) = struct.unpack_from("<I", head, 8)  # what follows is none of it
+        if told > path.stat().st_size:
             raise InputError(path, "truncated", rule)
-        chunk = content[at + 8 : at + 8 + length]
-        if kind == JSON_CHUNK and document is None:
-            document = _parsed(path, chunk)
-        elif kind == BIN_CHUNK:
-            data = chunk
-        at += 8 + length
+        while at + 8 <= told:
+            if (count := count + 1) > _MOST_CHUNKS:
+                raise InputError(path, f"more than {_MOST_CHUNKS} chunks", rule)
+            file.seek(at)
+            length, kind = struct.unpack("<I4s", file.read(8))
+            if (at := at + 8 + length) > told:
+                raise InputError(path, "truncated", rule)
+            if kind == JSON_CHUNK and document is None:
+                document = _parsed(path, file, length)
+            elif kind == BIN_CHUNK:
+                data = file.read(length)
     if document is None:
         raise InputError(path, "no JSON", rule)
     return document, data
@@ -73,9 +72,13 @@ def packed(document: dict[str, Any], data: bytes) -> bytes:
     return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
 
 
-def _parsed(path: Path, text: bytes) -> dict[str, Any]:
+def _parsed(path: Path, file: BinaryIO, length: int) -> dict[str, Any]:
+    """The JSON in the next `length` bytes of an open file."""
+    if length > _LONGEST_TEXT:
+        rule = f"must be at most {_LONGEST_TEXT:,}: leave buffers and images out of the text"
+        raise InputError(path, f"{length:,} bytes of JSON", rule)
     try:
-        document = json.loads(text.decode("utf-8-sig"))
+        document = json.loads(file.read(length).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputError(path, error, _RULE) from None
     if not isinstance(document, dict):
@@ -125,7 +128,8 @@ class GltfFile:
         path = readable(path)
         with path.open("rb") as file:
             binary = file.read(4) == b"glTF"
-        document, data = chunks(path) if binary else (_parsed(path, path.read_bytes()), b"")
+            file.seek(0)
+            document, data = chunks(path) if binary else (_parsed(path, file, path.stat().st_size), b"")
         asset = document.get("asset")
         version = asset.get("version") if isinstance(asset, dict) else None
         if not str(version).startswith("2."):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -307,6 +308,29 @@ def test_a_glb_ends_where_its_head_says(tmp_path, good):
         (tmp_path / f"{name}.glb").write_bytes(data)
         with pytest.raises(InputError, match=rf"{name}\.glb: {rule}"):
             read_motion(tmp_path / f"{name}.glb")
+
+
+@pytest.mark.parametrize(
+    ("head", "rule"),
+    [
+        (b"glTF\2\0\0\0\0\0\0\x40", "more than 16 chunks"),
+        (b"glTF\2\0\0\0\0\0\0\x40\xec\xff\xff\x3fJSON", "bytes of JSON.*must be at most"),
+        (b"glTF\2\0\0\0\1\0\0\x40", "truncated"),
+        (b"{", "bytes of JSON.*must be at most"),
+    ],
+)
+def test_a_hole_of_a_gigabyte_is_not_read(tmp_path, head, rule):
+    path = tmp_path / "hole.glb"
+    with path.open("wb") as file:
+        file.write(head)
+        file.truncate(1 << 30)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=rf"hole\.glb: .*{rule}"):
+            read_motion(path)
+        assert tracemalloc.get_traced_memory()[1] < 1 << 24
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_link_out_of_the_folder_is_not_followed(tmp_path, person):
