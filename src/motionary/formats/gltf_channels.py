@@ -5,13 +5,15 @@ Reference: Khronos, glTF 2.0 specification, 3.11 and appendix C (interpolation).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from motionary.errors import InputError
 from motionary.formats.gltf_file import GltfFile
+from motionary.formats.read.extent import SMALL
 from motionary.motion.motion import FASTEST_RATE, SLOWEST_RATE
 from motionary.motion.rotations import quat_continuation, unitquat_slerp
 
@@ -76,15 +78,27 @@ class Channel:
         return keys[before] + share[:, None] * (keys[before + 1] - keys[before])
 
 
-def channels_of(file: GltfFile, animation: dict[str, Any], where: str) -> dict[tuple[int, str], Channel]:
+@dataclass(frozen=True)
+class KeySource:
+    """Where the keys of a channel lie.
+
+    Attributes:
+        what: names the channel in errors.
+        sampler: of the document.
+    """
+
+    what: str
+    sampler: dict[str, Any]
+
+
+def sources_of(file: GltfFile, animation: dict[str, Any], where: str) -> dict[tuple[int, str], KeySource]:
     """The channels of an animation by node and path; what moves weights of a mesh is left aside.
 
     Raises:
-        InputError: a wrong index, keys that do not rise, or values that do not fit them.
+        InputError: a wrong index, or a second channel for what has one.
     """
     samplers = file.entries("samplers", animation, f"{where}, ")
-    found: dict[tuple[int, str], Channel] = {}
-    read: dict[tuple[int, str], Channel] = {}  # by sampler: several nodes may share one
+    found: dict[tuple[int, str], KeySource] = {}
     for i, entry in enumerate(file.entries("channels", animation, f"{where}, ")):
         what, target = f"{where}, channel {i}", entry.get("target")
         if not isinstance(target, dict):
@@ -95,37 +109,68 @@ def channels_of(file: GltfFile, animation: dict[str, Any], where: str) -> dict[t
         node = file.index(target["node"], len(file.nodes), f"{what}, node")
         if (node, path) in found:
             raise file.wrong(what, f"{path} of node {node}", "each property of a node has one channel")
-        at = file.index(entry.get("sampler"), len(samplers), f"{what}, sampler")
-        if (at, path) not in read:
-            read[at, path] = _channel(file, samplers[at], path, what)
-        found[node, path] = read[at, path]
+        found[node, path] = KeySource(
+            what, samplers[file.index(entry.get("sampler"), len(samplers), f"{what}, sampler")]
+        )
     return found
 
 
-def _channel(file: GltfFile, sampler: dict[str, Any], path: str, what: str) -> Channel:
-    how = sampler.get("interpolation", _LINEAR)
-    if how not in (_LINEAR, _STEP, _CUBIC):
-        raise file.wrong(f"{what}, interpolation", how, f"must be {_LINEAR}, {_STEP} or {_CUBIC}")
-    times = file.accessor(sampler.get("input"), 1, f"{what}, input")[:, 0]
+def channels_of(file: GltfFile, sources: Mapping[tuple[int, str], KeySource]) -> dict[tuple[int, str], Channel]:
+    """The keys of channels by node and path. What several share is read once.
+
+    Raises:
+        InputError: keys that do not rise, values that do not fit them, or more of them than the file has room for.
+    """
+    clocks: dict[int, np.ndarray] = {}
+    read: dict[tuple[int, int, str, str], Channel] = {}
+    found: dict[tuple[int, str], Channel] = {}
+    count, total = len(file.entries("accessors")), 0
+    for (node, path), source in sources.items():
+        what, how = source.what, source.sampler.get("interpolation", _LINEAR)
+        if how not in (_LINEAR, _STEP, _CUBIC):
+            raise file.wrong(f"{what}, interpolation", how, f"must be {_LINEAR}, {_STEP} or {_CUBIC}")
+        clock, output = (file.index(source.sampler.get(key), count, f"{what}, {key}") for key in ("input", "output"))
+        if clock not in clocks:
+            clocks[clock] = _clock(file, clock, f"{what}, input")
+            total += len(clocks[clock])
+        key = (clock, output, path, how)
+        if key not in read:
+            read[key] = Channel(path, clocks[clock], _values(file, output, path, how, len(clocks[clock]), what), how)
+            total += len(read[key].values)
+        if total > (most := max(SMALL, file.size // 2)):  # each takes bytes, of which none must be those of many
+            raise InputError(file.path, f"{total:,} keys", f"a file of {file.size:,} bytes may have {most:,}")
+        found[node, path] = read[key]
+    return found
+
+
+def _clock(file: GltfFile, index: int, what: str) -> np.ndarray:
+    """(n,) times of keys."""
+    times = file.accessor(index, 1, what)[:, 0]
     if not len(times) or (np.diff(times) < 0).any() or times[0] < 0:
-        raise file.wrong(f"{what}, input", f"{len(times)} times", "must be seconds from 0 on that rise")
-    values = file.accessor(sampler.get("output"), WIDTHS[path], f"{what}, output")
-    if len(values) != len(times) * (3 if how == _CUBIC else 1):
-        raise file.wrong(f"{what}, output", f"{len(values)} values", f"must be those of {len(times)} keys")
+        raise file.wrong(what, f"{len(times)} times", "must be seconds from 0 on that rise")
+    return times
+
+
+def _values(file: GltfFile, index: int, path: str, how: str, keys: int, what: str) -> np.ndarray:
+    """Of so many keys; see `Channel`."""
+    values = file.accessor(index, WIDTHS[path], f"{what}, output")
+    if len(values) != keys * (3 if how == _CUBIC else 1):
+        raise file.wrong(f"{what}, output", f"{len(values)} values", f"must be those of {keys} keys")
     if how == _CUBIC:
-        values = values.reshape(len(times), 3, -1)
+        values = values.reshape(keys, 3, -1)
     if path == "rotation":
         turns = values[:, 1] if how == _CUBIC else values
         if (np.abs(np.linalg.norm(turns, axis=-1) - 1) > 0.05).any():
             raise file.wrong(f"{what}, output", "other lengths", "rotations must be unit quaternions")
         if how == _LINEAR:
             values = quat_continuation(values)
-    return Channel(path, times, values, how)
+    return values
 
 
 def rate_of(channels: Iterable[Channel]) -> float:
     """Frames per second at which the keys lie; of keys set by hand a multiple of theirs, so that each is a frame."""
-    steps = [np.diff(channel.times) for channel in channels]
+    clocks = {id(channel.times): channel.times for channel in channels}  # most channels share one
+    steps = [np.diff(times) for times in clocks.values()]
     together = np.concatenate([step[step > 0] for step in steps] or [np.empty(0)])
     if not len(together):
         return _USUAL

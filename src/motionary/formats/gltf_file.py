@@ -117,6 +117,7 @@ class GltfFile:
     document: dict[str, Any]
     data: bytes = field(repr=False)
     _buffers: dict[int, bytes] = field(default_factory=dict, repr=False)
+    _lists: dict[str, list[dict[str, Any]]] = field(default_factory=dict, repr=False)
 
     @staticmethod
     def read(path: str | os.PathLike) -> GltfFile:
@@ -147,9 +148,13 @@ class GltfFile:
 
     def entries(self, key: str, holder: dict[str, Any] | None = None, where: str = "") -> list[dict[str, Any]]:
         """The objects of a list of the document, or of a part of it; none where it is absent."""
+        if holder is None and key in self._lists:
+            return self._lists[key]
         found = (self.document if holder is None else holder).get(key, [])
         if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
             raise self.wrong(f"{where}{key}", found, "must be a list of objects")
+        if holder is None:
+            self._lists[key] = found
         return found
 
     def index(self, value: object, count: int, what: str) -> int:

@@ -333,6 +333,28 @@ def test_a_hole_of_a_gigabyte_is_not_read(tmp_path, head, rule):
         tracemalloc.stop()
 
 
+@pytest.mark.parametrize("twins", [False, True])
+def test_keys_that_many_joints_share_take_memory_once(tmp_path, twins):
+    """Whether the joints name one accessor, or accessors that lie on the same bytes."""
+    keys, made = 20_000, Made([{"children": [i + 1]} for i in range(399)] + [{}])
+    turns = np.tile([0.0, 0, 0, 1], (keys, 1))
+    made.channel(0, "rotation", np.arange(keys) / 30, turns)
+    take, accessors = made.document["animations"][0], made.document["accessors"]
+    for node in range(1, 400):
+        output = len(accessors) if twins else take["samplers"][0]["output"]
+        accessors += [accessors[take["samplers"][0]["output"]]] if twins else []
+        take["samplers"].append(take["samplers"][0] | {"output": output})
+        take["channels"].append({"sampler": node, "target": {"node": node, "path": "rotation"}})
+    path = made.glb(tmp_path / "a.glb")
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=r"a\.glb: .*1,0.*keys.*may have 1,000,000" if twins else "400 joints"):
+            read_motion(path)
+        assert tracemalloc.get_traced_memory()[1] < 64e6
+    finally:
+        tracemalloc.stop()
+
+
 def test_a_link_out_of_the_folder_is_not_followed(tmp_path, person):
     (tmp_path / "in").mkdir()
     made = character(person)

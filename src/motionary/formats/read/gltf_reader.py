@@ -15,7 +15,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.formats.animated_rig import Track, unique_names
-from motionary.formats.gltf_channels import Channel, channels_of, rate_of
+from motionary.formats.gltf_channels import Channel, KeySource, channels_of, rate_of, sources_of
 from motionary.formats.gltf_file import GENERATOR, GltfFile
 from motionary.formats.measure.unit import USUAL as UNIT_USUAL
 from motionary.formats.read.extent import check_extent
@@ -62,9 +62,10 @@ def gltf_with(
     if fps is not None and not SLOWEST_RATE <= fps <= FASTEST_RATE:
         raise InputError("fps", fps, f"must be frames per second, {SLOWEST_RATE:g} to {FASTEST_RATE:g}")
     file, options = GltfFile.read(path), options or ReadingOptions()
-    channels, notes = _animation(file, animation)
-    joints = _joints(file, channels)
-    channels = {key: channel for key, channel in channels.items() if key[0] in joints}
+    sources, notes = _animation(file, animation)
+    joints = _joints(file, {node for node, path in sources if path != "scale"})
+    among = set(joints)
+    channels = channels_of(file, {key: source for key, source in sources.items() if key[0] in among})
     ours = file.document["asset"].get("generator") == GENERATOR
     rate = fps or _written_rate(file, ours) or rate_of(channels.values())
     times = _times(file, channels, rate, len(joints))
@@ -75,8 +76,8 @@ def gltf_with(
     return motion, replace(reading, notes=(*notes, *reading.notes))
 
 
-def _animation(file: GltfFile, wanted: str | None) -> tuple[dict[tuple[int, str], Channel], list[str]]:
-    """The channels of the animation that is read, and what to say of others."""
+def _animation(file: GltfFile, wanted: str | None) -> tuple[dict[tuple[int, str], KeySource], list[str]]:
+    """Where the channels lie of the animation that is read, and what to say of others."""
     entries = file.entries("animations")
     names = [str(entry.get("name", f"animation{i}")) for i, entry in enumerate(entries)]
     if wanted is not None and wanted not in names:
@@ -85,18 +86,17 @@ def _animation(file: GltfFile, wanted: str | None) -> tuple[dict[tuple[int, str]
     for name, entry in zip(names, entries, strict=True):
         if wanted not in (None, name):
             continue
-        channels = channels_of(file, entry, f"animation {name}")
-        if any(path != "scale" and (node in skinned or not skinned) for node, path in channels):
+        sources = sources_of(file, entry, f"animation {name}")
+        if any(path != "scale" and (node in skinned or not skinned) for node, path in sources):
             otherwise = "(say otherwise with --animation; in Python animation=)"
             others = ", ".join(names[:8]) + ", ..." * (len(names) > 8)
             several = f"holds {len(names)} animations, {others}; took {name} {otherwise}"
-            return channels, [several] if wanted is None and len(names) > 1 else []
+            return sources, [several] if wanted is None and len(names) > 1 else []
     raise file.wrong("animations", f"{len(entries)}", "one must move joints of the skin, or nodes where there is none")
 
 
-def _joints(file: GltfFile, channels: Mapping[tuple[int, str], Channel]) -> list[int]:
-    """The nodes that are joints, parents before children, else in the order of the file."""
-    moved = {node for node, path in channels if path != "scale"}
+def _joints(file: GltfFile, moved: set[int]) -> list[int]:
+    """The nodes that are joints where some are moved, parents before children, else in the order of the file."""
     wanted = set(file.skins[0]) if file.skins else moved
     if len(wanted) > MOST_JOINTS:
         raise file.wrong("joints", len(wanted), f"must be at most {MOST_JOINTS}")
