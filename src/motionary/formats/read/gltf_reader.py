@@ -7,7 +7,7 @@ and the pose in which the skin was bound (without a skin: in which the nodes res
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -100,28 +100,32 @@ def _joints(file: GltfFile, moved: set[int]) -> list[int]:
     wanted = set(file.skins[0]) if file.skins else moved
     if len(wanted) > MOST_JOINTS:
         raise file.wrong("joints", len(wanted), f"must be at most {MOST_JOINTS}")
-    ways = {node: _way(file, node) for node in wanted}
-    tops = [way[0] for way in ways.values()]
-    top = max(dict.fromkeys(tops), key=tops.count)  # what hangs elsewhere is a prop
-    ways = {node: way for node, way in ways.items() if way[0] == top}
-    shared = 0
-    while all(len(way) > shared and way[shared] == next(iter(ways.values()))[shared] for way in ways.values()):
-        shared += 1
-    above = next(iter(ways.values()))[:shared]
-    root = next((k for k, node in enumerate(above) if node in moved), shared - 1)
-    nodes = {node for way in ways.values() for node in way[root:]}
+    parents = file.parents
+    tops: dict[int, int] = {}  # of them and of all nodes above them
+    for node in wanted:
+        way = [node]
+        while way[-1] in parents and way[-1] not in tops:
+            way.append(parents[way[-1]])
+        tops |= dict.fromkeys(way, tops.get(way[-1], way[-1]))
+    theirs = [tops[node] for node in wanted]
+    top = max(dict.fromkeys(theirs), key=theirs.count)  # what hangs elsewhere is a prop
+    nodes = {node for node, its in tops.items() if its == top}
+    shared = [top]
+    while shared[-1] not in wanted and len(below := nodes.intersection(file.nodes[shared[-1]].children)) == 1:
+        shared += below
+    nodes.difference_update(shared[: next((k for k, node in enumerate(shared) if node in moved), len(shared) - 1)])
     if not file.skins:
         nodes |= _below(file, nodes)
     if len(nodes) > MOST_JOINTS:
         raise file.wrong("joints", len(nodes), f"must be at most {MOST_JOINTS}")
-    return list(dict.fromkeys(node for last in sorted(nodes) for node in _way(file, last) if node in nodes))
+    return list(dict.fromkeys(node for last in sorted(nodes) for node in _way(file, last, nodes)))
 
 
-def _way(file: GltfFile, node: int) -> list[int]:
-    """From the top of its tree to the node."""
-    way = [node]
-    while way[-1] in file.parents:
-        way.append(file.parents[way[-1]])
+def _way(file: GltfFile, node: int, among: Container[int] | None = None) -> list[int]:
+    """From the top of its tree to the node; or from the highest of those `among` which it lies."""
+    way, parents = [node], file.parents
+    while (above := parents.get(way[-1])) is not None and (among is None or above in among):
+        way.append(above)
     return way[::-1]
 
 
@@ -156,7 +160,7 @@ def _times(file: GltfFile, channels: Mapping[Any, Channel], rate: float, joints:
 
 def _uneven(file: GltfFile, joints: list[int], channels: Mapping[tuple[int, str], Channel]) -> list[str]:
     """What scales do that a skeleton cannot."""
-    scales = {node: file.nodes[node].scale for joint in joints for node in _way(file, joint)}
+    scales = {node: file.nodes[node].scale for node in (*_way(file, joints[0]), *joints)}
     if mirrors := [node for node, scale in scales.items() if (scale <= 0).any()]:
         scale = scales[mirrors[0]].tolist()
         raise file.wrong(f"node {mirrors[0]}, scale", scale, "must be above 0: apply scales before exporting")
