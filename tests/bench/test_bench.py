@@ -15,7 +15,7 @@ from motionary.bench.cases import CASES
 from motionary.bench.made import make_batch, make_context
 from motionary.bench.measure import convolution_flops, cpu_time, least_time, peak_memory
 from motionary.bench.shapes import SMALL, Shapes
-from motionary.bench.workload import COPIES, PRODUCTS, Bound, Case, clock
+from motionary.bench.workload import COPIES, PRODUCTS, Bound, Case, clock, training_step
 from motionary.systems.tm2t.tokenizer import Tokenizer, TokenizerConfig
 
 NAMES = [case.name for case in CASES]
@@ -176,3 +176,17 @@ def test_measuring():
 
 def test_clock():
     assert [clock(s) for s in (0.00523, 0.85, 14.68)] == ["5.2 ms", "0.85 s", "14.7 s"]
+
+
+@pytest.mark.parametrize(("precision", "product"), [("32", torch.float32), ("bf16-mixed", torch.bfloat16)])
+def test_training_steps_have_the_precision_that_is_asked_for(precision, product):
+    model, seen = torch.nn.Linear(3, 2), []
+
+    def loss() -> torch.Tensor:
+        out = model(torch.ones(4, 3))
+        seen.append(out.dtype)
+        return out.float().sum()
+
+    training_step(dataclasses.replace(SMALL, precision=precision), model, loss)()
+    assert seen == [product]
+    assert model.weight.dtype == torch.float32

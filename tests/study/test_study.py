@@ -7,11 +7,13 @@ import os
 import shlex
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
+import psutil
 import pytest
 import yaml
 
@@ -486,3 +488,39 @@ def test_a_study_goes_on_where_it_stopped(project, capfd):
     log.unlink()
     assert runner.main(["--again", "--only", "main-2"]) == 0  # asked for, but DVC knows it all
     assert not log.exists()
+
+
+ENDLESS = """
+import os, pathlib, sys, time
+pathlib.Path(sys.argv[1]).write_text(str(os.getpid()))
+time.sleep(600)
+"""
+ASKS = """
+import os, pathlib, sys
+from motionary.study.__main__ import guarded
+guarded([sys.executable, "-c", sys.argv[1], sys.argv[2]], pathlib.Path.cwd(), os.environ)
+"""
+
+
+def test_a_killed_study_leaves_no_experiment_behind(tmp_path):
+    file = tmp_path / "pid"
+    study = subprocess.Popen([sys.executable, "-c", ASKS, ENDLESS, str(file)])
+    try:
+        assert until(lambda: file.exists() and file.read_text())
+        pid = int(file.read_text())
+        assert is_alive(pid)
+    finally:
+        study.kill()
+        study.wait()
+    assert until(lambda: not is_alive(pid))
+
+
+def until(condition, seconds=60.0):
+    deadline = time.monotonic() + seconds
+    while not (found := condition()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return found
+
+
+def is_alive(pid):
+    return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE

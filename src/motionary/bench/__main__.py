@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from tqdm import tqdm
@@ -47,9 +48,10 @@ def measure(name: str, shapes: Shapes, repeats: int) -> dict[str, Any]:
     return {"seconds": timed.seconds, "runs": timed.runs, "rates": timed.rates, "memory": memory, "note": note}
 
 
-def in_child(name: str, small: bool, repeats: int) -> dict[str, Any]:
+def in_child(name: str, small: bool, repeats: int, precision: str = "32") -> dict[str, Any]:
     """:func:`measure` in a process of its own; a crash becomes its last line."""
     command = [sys.executable, "-m", "motionary.bench", "--child", name, "--repeats", str(repeats)]
+    command += ["--precision", precision]
     done = subprocess.run(
         command + ["--small"] * small, capture_output=True, text=True, env={**os.environ, **_ONE_THREAD}, check=False
     )
@@ -129,6 +131,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", metavar="NAME,...", help="these cases: " + ", ".join(case.name for case in CASES))
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
     parser.add_argument("--repeats", type=int, default=5, help="runs of each case, the shortest counts (default 5)")
+    parser.add_argument(
+        "--precision", choices=("32", "bf16-mixed"), default="32", help="of training steps (bounds are those of 32)"
+    )
     parser.add_argument("--small", action="store_true", help="tiny shapes, only to see that every case runs")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
@@ -140,13 +145,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     if options.child:
-        print(json.dumps(measure(options.child, SMALL if options.small else Shapes(), options.repeats)))
+        shapes = replace(SMALL if options.small else Shapes(), precision=options.precision)
+        print(json.dumps(measure(options.child, shapes, options.repeats)))
         return 0
     rows = []
     bar = tqdm(cases, unit="case")
     for case in bar:
         bar.set_description(case.name)
-        rows.append(row(case, in_child(case.name, options.small, options.repeats)))
+        rows.append(row(case, in_child(case.name, options.small, options.repeats, options.precision)))
         bar.write(f"{case.name}: {_brief(rows[-1])}", file=sys.stderr)  # a run that is stopped has shown what it has
     print(json.dumps({"cases": rows}, indent=1) if options.json else table(rows))
     return int(any(found["verdict"] == "failed" for found in rows))

@@ -22,7 +22,7 @@ def action2motion(shapes: Shapes) -> Work:
     joints = torch.randn(items, frames, len(model.context.skeleton), 3, generator=torch.Generator().manual_seed(0))
     labels = torch.arange(items) % 12
     batch = Batch(torch.arange(items), joints=joints, frames=torch.full((items,), frames), action=labels, fine=labels)
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
 def actions(shapes: Shapes) -> Work:

@@ -65,7 +65,7 @@ def _tokenizer(shapes: Shapes) -> Work:
     one, batch = make_batch(1, shapes.window), make_batch(shapes.windows, shapes.window)
     flops = shapes.windows * convolution_flops(model, lambda: model.loss(one, 0.5, noise()))
     flops += 2 * shapes.windows * (shapes.window // UNIT) * shapes.codes * shapes.width  # of the nearest codes
-    step = training_step(model, lambda: model.loss(batch, 0.5, noise())[0])
+    step = training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0])
     return Work(step, gflop=flops / 1e9)
 
 
@@ -84,7 +84,7 @@ def _motion2text(shapes: Shapes) -> Work:
     batch = make_batch(
         shapes.batch, words=shapes.words, tokens=shapes.source - 2, codes=shapes.codes, vocabulary=shapes.vocabulary
     )
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0]))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0]))
 
 
 class _Endless:
@@ -132,7 +132,7 @@ def _text2token(shapes: Shapes) -> Work:
     batch = make_batch(
         shapes.batch, words=shapes.words, tokens=shapes.unrolled - 1, codes=shapes.codes, vocabulary=shapes.vocabulary
     )
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
 def _inverse_alignment(shapes: Shapes) -> Work:
@@ -142,7 +142,7 @@ def _inverse_alignment(shapes: Shapes) -> Work:
     model = InverseAlignment(InverseAlignmentConfig(**_generator_settings(shapes)), context)
     model.learn_from(_captioner(shapes, context))
     batch = make_batch(shapes.batch, words=shapes.words, vocabulary=shapes.vocabulary)
-    return Work(training_step(model, lambda: model.caption_loss(batch, noise())[0], clip=0.5))
+    return Work(training_step(shapes, model, lambda: model.caption_loss(batch, noise())[0], clip=0.5))
 
 
 def _texts(shapes: Shapes) -> Work:
@@ -166,7 +166,7 @@ def _evaluator(shapes: Shapes) -> Work:
     )  # fmt: skip
     model = Evaluator(config, make_context(shapes))
     batch = make_batch(shapes.pairs, UNIT * shapes.tokens, shapes.words, vocabulary=shapes.vocabulary)
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
 def _autoencoder(shapes: Shapes) -> Work:
@@ -175,7 +175,7 @@ def _autoencoder(shapes: Shapes) -> Work:
     config = AutoencoderConfig(width=shapes.snippet_width, code_dim=shapes.snippet_width)
     model = Autoencoder(config, make_context(shapes))
     batch = make_batch(shapes.snippet_windows, shapes.snippet_window)
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0]))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0]))
 
 
 def _metrics(shapes: Shapes) -> Work:

@@ -35,7 +35,7 @@ def masked_plan(shapes: Shapes) -> Work:
     batch.tokens = batch.tokens[..., None]
     batch.states = torch.randn(items, shapes.words, STATE_DIM, generator=noise())
     batch.state_count = torch.full((items,), shapes.words)
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], 1.0))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0], 1.0))
 
 
 def masked_texts(count: int = 0) -> Callable[[Shapes], Work]:

@@ -38,6 +38,7 @@ class Shapes:
         temos_width, temos_layers, temos_inner, temos_heads: of its three Transformers.
         masked_codes, masked_dim, masked_quantizers: of the residual tokenizer; `masked_tokens` of a motion of 5 s.
         masked_width, masked_layers, masked_inner, masked_heads: of each transformer of the masked generator.
+        precision: of the products of a training step, "32" or "bf16-mixed".
         matmul: rows of the matrices whose product is a yardstick; `copied` megabytes of memory, the other.
     """
 
@@ -95,6 +96,7 @@ class Shapes:
     masked_layers: int = 4
     masked_inner: int = 768
     masked_heads: int = 6
+    precision: str = "32"
     matmul: int = 1536
     copied: int = 64
 

@@ -29,7 +29,7 @@ def stylization(shapes: Shapes) -> Work:
     model = _stylizer(shapes)
     batch = make_batch(3 * shapes.sequences, shapes.style_window)  # triples
     batch.style = torch.arange(len(batch)) % len(STYLES)
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0]))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0]))
 
 
 def stylize(motions: int | None = None) -> Callable[[Shapes], Work]:

@@ -35,7 +35,7 @@ def temos(shapes: Shapes) -> Work:
         states=torch.randn(items, shapes.temos_tokens, model.config.text_dim, generator=rng),
         state_count=torch.full((items,), shapes.temos_tokens),
     )
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0]))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0]))
 
 
 def temos_texts(shapes: Shapes) -> Work:

@@ -19,7 +19,7 @@ def text2length(shapes: Shapes) -> Work:
     # Captions have 12 words on average (thesis 4.3), here from 3 to 20; the model computes no padding.
     batch = make_batch(shapes.batch, words=shapes.words, vocabulary=shapes.vocabulary, least_words=4)
     batch.frames = torch.full((shapes.batch,), UNIT * shapes.tokens)
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
 def _temporal_model(shapes: Shapes):
@@ -37,7 +37,7 @@ def text2motion(shapes: Shapes) -> Work:
     """A training step of the temporal VAE, unrolled over all codes."""
     model = _temporal_model(shapes)
     batch = make_batch(shapes.sequences, UNIT * shapes.snippets, shapes.words, vocabulary=shapes.vocabulary)
-    return Work(training_step(model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
+    return Work(training_step(shapes, model, lambda: model.loss(batch, 0.5, noise())[0], clip=0.5))
 
 
 def prompts(shapes: Shapes) -> Work:

@@ -46,15 +46,19 @@ class Case:
     bound: Bound | None = None
 
 
-def training_step(model: torch.nn.Module, loss: Callable[[], torch.Tensor], clip: float = 0.0) -> Callable[[], None]:
-    """A whole training step: loss, gradients, clipping, Adam."""
+def training_step(
+    shapes: Shapes, model: torch.nn.Module, loss: Callable[[], torch.Tensor], clip: float = 0.0
+) -> Callable[[], None]:
+    """A whole training step: loss in the precision of `shapes`, gradients, clipping, Adam."""
     parameters = [p for p in model.parameters() if p.requires_grad]
     optimizer = torch.optim.AdamW(parameters, lr=1e-4, fused=True)
     model.train()
 
     def run() -> None:
         """One step."""
-        loss().backward()
+        with torch.autocast("cpu", torch.bfloat16, enabled=shapes.precision == "bf16-mixed"):
+            value = loss()
+        value.backward()
         if clip:
             torch.nn.utils.clip_grad_norm_(parameters, clip)
         optimizer.step()

@@ -21,6 +21,7 @@ from typing import Any
 
 from motionary.errors import InputError
 from motionary.files import atomic_folder, write_bytes
+from motionary.pipeline import guard
 from motionary.pipeline.code import code_hash
 from motionary.study.compare import comparisons, measured_all, study_tables
 from motionary.study.experiments import (
@@ -69,11 +70,29 @@ def run_experiment(root: Path, experiment: Experiment) -> bool:
     # A left-over of the same name and configuration would stop DVC at the very end; nothing of value is lost.
     remove = [sys.executable, "-m", "dvc", "exp", "remove", "--quiet", experiment.reference]
     subprocess.run(remove, cwd=root, env=environment, capture_output=True, check=False)
-    if subprocess.run(experiment.command(), cwd=root, env=environment, check=False).returncode:
+    if guarded(experiment.command(), root, environment):
         return False
     pipeline = with_values(read_pipeline(root), compose(root, experiment.overrides))
     collect(root, experiment, needed_reports(pipeline, experiment.systems), experiment_reader(root, experiment))
     return True
+
+
+def guarded(command: Sequence[str], root: Path, environment: Mapping[str, str]) -> int:
+    """Exit code of a command whose processes end with this one, however it ends."""
+    # DVC does not pass a signal on to the stage that it runs; see the guard.
+    process = subprocess.Popen(
+        [sys.executable, "-I", guard.__file__, *command],
+        cwd=root,
+        env=dict(environment),
+        stdin=subprocess.PIPE,
+        start_new_session=True,
+    )
+    assert process.stdin is not None
+    try:
+        return process.wait()
+    finally:
+        process.stdin.close()  # where this is interrupted, the guard interrupts them
+        process.wait()
 
 
 def experiment_reader(root: Path, experiment: Experiment) -> Callable[[str], str]:
