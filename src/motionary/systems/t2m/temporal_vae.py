@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from motionary.nn.gaussian import Gaussian, gaussian
 from motionary.nn.layers import TextEncoder, initialize, length_mask, positional_encoding
 from motionary.nn.precision import widened
-from motionary.nn.recurrent import gru_step
+from motionary.nn.unrolled import StepCell, StepLinear, unrolling
 
 SLOPE = 0.2  # of every leaky rectifier
 
@@ -43,15 +43,15 @@ class Branch(nn.Module):
 
     def __init__(self, inputs: int, width: int, outputs: int):
         super().__init__()
-        self.input = nn.Linear(inputs, width)
+        self.input = StepLinear(inputs, width)
         self.norm = nn.LayerNorm(width)
-        self.cell = nn.GRUCell(width, width)
-        self.head = nn.Linear(width, outputs)
+        self.cell = StepCell(width, width)
+        self.head = StepLinear(width, outputs)
 
     def forward(self, parts: list[Tensor], arrival: Tensor | None, hidden: Tensor) -> Tensor:
         """One step: inputs to concatenate (B, d_i), time to arrival (B, h) or None, hidden (B, h) -> hidden (B, h)."""
         x = F.leaky_relu(self.norm(self.input(torch.cat(parts, dim=1))), SLOPE)
-        return gru_step(self.cell, x if arrival is None else x + arrival, hidden)
+        return self.cell(x if arrival is None else x + arrival, hidden)
 
 
 class Unroll(NamedTuple):
@@ -90,7 +90,7 @@ class TemporalVAE(nn.Module):
         memory = self.text.width
         self.attention = attention
         if attention:
-            self.query = nn.Linear(width, attention)
+            self.query = StepLinear(width, attention)
             self.key, self.value = nn.Linear(memory, attention, bias=False), nn.Linear(memory, attention)
         self.start_hidden = nn.Linear(memory, 3 * width)
         self.prior = Branch(code + attention, width, 2 * latent)
@@ -133,17 +133,18 @@ class TemporalVAE(nn.Module):
         of_prior, of_posterior, of_generator = hidden
         read, forced = first.expand(len(targets), -1), forced[:, None]
         states: list[tuple[Tensor, Tensor, Tensor]] = []
-        for step, (true, draw, arrival) in enumerate(self._steps(targets, length, noise)):
-            parts = [self.dropout(read)]
-            if words is not None:
-                parts.append(words.attend(self.query(of_generator)))
-            of_prior = self.prior(parts, arrival, of_prior)
-            of_posterior = self.posterior([true, *parts], arrival, of_posterior)
-            parameters = self.posterior.head(of_posterior)
-            of_generator = self.generator([*parts, gaussian(parameters).sample(draw)], arrival, of_generator)
-            states.append((of_prior, parameters, of_generator))
-            if step + 1 < targets.shape[1]:
-                read = self._next(true, of_generator, forced)
+        with unrolling(self):
+            for step, (true, draw, arrival) in enumerate(self._steps(targets, length, noise)):
+                parts = [self.dropout(read)]
+                if words is not None:
+                    parts.append(words.attend(self.query(of_generator)))
+                of_prior = self.prior(parts, arrival, of_prior)
+                of_posterior = self.posterior([true, *parts], arrival, of_posterior)
+                parameters = self.posterior.head(of_posterior)
+                of_generator = self.generator([*parts, gaussian(parameters).sample(draw)], arrival, of_generator)
+                states.append((of_prior, parameters, of_generator))
+                if step + 1 < targets.shape[1]:
+                    read = self._next(true, of_generator, forced)
         priors, posteriors, generated = (torch.stack(part, dim=1) for part in zip(*states, strict=True))
         return Unroll(self.decode(generated), gaussian(posteriors), gaussian(self.prior.head(priors)))
 

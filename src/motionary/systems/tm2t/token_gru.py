@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from motionary.nn.layers import TextEncoder, length_mask, positional_encoding
 from motionary.nn.precision import widened
-from motionary.nn.recurrent import gru_step
+from motionary.nn.unrolled import StepCell, StepLinear, unrolling
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ class TokenGRU(nn.Module):
         self.value = nn.Linear(memory, width)
         self.mix = nn.Linear(2 * width, width)  # of (attention, token), Table 3's att_linear
         self.norm = nn.LayerNorm(width)
-        self.cell = nn.GRUCell(width, width)
-        self.out = nn.Linear(width, codes + 3, bias=False)
+        self.cell = StepCell(width, width)
+        self.out = StepLinear(width, codes + 3, bias=False)
         self.dropout = nn.Dropout(dropout)
 
     def start(self, words: Tensor, tags: Tensor | None, count: Tensor) -> GRUState:
@@ -102,12 +102,13 @@ class TokenGRU(nn.Module):
         """
         embedded = self.dropout(self._embed(state, tokens))
         hidden, states = state.hidden, []
-        for step, token in enumerate(embedded.unbind(1)):
-            if step and free is not None and len(free):
-                own = self._embed(state, self._draw(hidden[free], generator)[:, None], step)[:, 0]
-                token = token.index_copy(0, free, self.dropout(own))
-            hidden = self._advance(state, hidden, token)
-            states.append(hidden)
+        with unrolling(self):
+            for step, token in enumerate(embedded.unbind(1)):
+                if step and free is not None and len(free):
+                    own = self._embed(state, self._draw(hidden[free], generator)[:, None], step)[:, 0]
+                    token = token.index_copy(0, free, self.dropout(own))
+                hidden = self._advance(state, hidden, token)
+                states.append(hidden)
         return torch.stack(states, dim=1)
 
     def gumbel(
@@ -123,18 +124,19 @@ class TokenGRU(nn.Module):
         ended = torch.zeros_like(start, dtype=torch.bool)
         never = torch.zeros(self.codes + 3, device=start.device)
         never[[self.codes, self.codes + 2]] = -torch.inf
-        for step in range(steps):
-            hidden = self._advance(state, hidden, token)
-            logits = self.logits(hidden) + never
-            if step == 0:
-                logits = logits.index_fill(1, torch.tensor([end], device=logits.device), -torch.inf)
-            draw = torch.empty_like(logits).exponential_(generator=generator)
-            sample = StraightThrough.apply(torch.softmax((logits - draw.log()) / temperature, dim=-1))
-            samples.append(sample)
-            ended |= sample[:, end] > 0
-            if bool(ended.all()):
-                break
-            token = sample @ state.table + self._position(state, step + 1)
+        with unrolling(self):
+            for step in range(steps):
+                hidden = self._advance(state, hidden, token)
+                logits = self.logits(hidden) + never
+                if step == 0:
+                    logits = logits.index_fill(1, torch.tensor([end], device=logits.device), -torch.inf)
+                draw = torch.empty_like(logits).exponential_(generator=generator)
+                sample = StraightThrough.apply(torch.softmax((logits - draw.log()) / temperature, dim=-1))
+                samples.append(sample)
+                ended |= sample[:, end] > 0
+                if bool(ended.all()):
+                    break
+                token = sample @ state.table + self._position(state, step + 1)
         return torch.stack(samples, dim=1)
 
     def step(self, state: GRUState, tokens: Tensor) -> tuple[Tensor, GRUState]:
@@ -154,7 +156,7 @@ class TokenGRU(nn.Module):
         """One step: Eq. 5-6 on the previous hidden state, mixed with the token (R, e), into the GRU cell."""
         scores = torch.baddbmm(state.bias[..., None], state.keys, hidden[..., None])
         attended = torch.bmm(torch.softmax(widened(scores), dim=1).transpose(1, 2), state.values)[:, 0]
-        return gru_step(self.cell, F.leaky_relu(self.norm(attended + token), 0.2), hidden)
+        return self.cell(F.leaky_relu(self.norm(attended + token), 0.2), hidden)
 
     def _embed(self, state: GRUState, tokens: Tensor, first: int = 0) -> Tensor:
         """Tokens (R, S) -> their share (R, S, e) of the mixing layer, positions counted from `first`."""
