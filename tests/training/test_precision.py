@@ -16,7 +16,8 @@ from mixed import Same, steps_of
 
 from motionary.errors import InputError
 from motionary.nn.quantizer import Quantizer
-from motionary.nn.recurrent import BiGRU, gru_step
+from motionary.nn.recurrent import BiGRU
+from motionary.nn.unrolled import StepCell
 from motionary.training.devices import make_fabric
 from motionary.training.loop import fit
 
@@ -105,11 +106,11 @@ def test_codes_do_not_depend_on_precision():
 
 def test_recurrence_under_autocast_is_that_of_32_bits():
     torch.manual_seed(0)
-    unit, cell = BiGRU(8, 6), torch.nn.GRUCell(8, 6)
+    unit, cell = BiGRU(8, 6), StepCell(8, 6)
     x, lengths = torch.randn(3, 5, 8), torch.tensor([2, 5, 4])
     exact, state = unit(x, lengths), cell(x[:, 0], torch.ones(3, 6))
     with torch.autocast("cpu", torch.bfloat16):
-        near, stepped = unit(x, lengths), gru_step(cell, x[:, 0], torch.ones(3, 6))
+        near, stepped = unit(x, lengths), cell(x[:, 0], torch.ones(3, 6))
     for a, b in zip((*exact, state), (*near, stepped), strict=True):
         assert b.dtype == torch.float32
         assert torch.allclose(a, b, atol=0.02)
@@ -121,3 +122,10 @@ def test_recurrence_under_autocast_is_that_of_32_bits():
 def test_other_precisions_are_refused(wrong):
     with pytest.raises(InputError, match=r"precision: .*must be one of auto, 32, bf16-mixed"):
         make_fabric("cpu", wrong)
+
+
+@pytest.mark.parametrize(("has_units", "named"), [(True, "bf16-mixed"), (False, "32-true")])
+def test_auto_is_narrow_where_the_processor_has_units_for_it(monkeypatch, has_units, named):
+    monkeypatch.setattr(torch.cpu, "_is_amx_tile_supported", lambda: has_units)
+    assert make_fabric("cpu", "auto")._precision.precision == named
+    assert make_fabric("cpu", 32)._precision.precision == "32-true"

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from motionary.nn.layers import TextEncoder, length_mask, positional_encoding
 from motionary.nn.precision import widened
-from motionary.nn.unrolled import StepCell, StepLinear, unrolling
+from motionary.nn.unrolled import Shared, StepCell, StepLinear, unrolling
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,7 @@ class TokenGRU(nn.Module):
         hidden, samples = state.hidden, []
         ended = torch.zeros_like(start, dtype=torch.bool)
         never = torch.zeros(self.codes + 3, device=start.device)
+        embed = Shared(state.table.t(), None)  # one-hot tokens (R, K + 3) -> (R, e)
         never[[self.codes, self.codes + 2]] = -torch.inf
         with unrolling(self):
             for step in range(steps):
@@ -136,7 +137,7 @@ class TokenGRU(nn.Module):
                 ended |= sample[:, end] > 0
                 if bool(ended.all()):
                     break
-                token = sample @ state.table + self._position(state, step + 1)
+                token = embed(sample) + self._position(state, step + 1)
         return torch.stack(samples, dim=1)
 
     def step(self, state: GRUState, tokens: Tensor) -> tuple[Tensor, GRUState]:
