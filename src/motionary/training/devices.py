@@ -22,14 +22,20 @@ def set_threads(threads: int) -> None:
         torch.set_num_threads(threads)
 
 
-def make_fabric(device: str = "auto", precision: str | int = "auto") -> Fabric:
+def multiplies_bfloat16() -> bool:
+    """Whether the processor has units for matrix products in bfloat16 (Intel's AMX). Others do them more slowly than
+    those in 32 bits, or hardly faster."""
+    return bool(getattr(torch.cpu, "_is_amx_tile_supported", bool)())
+
+
+def make_fabric(device: str = "auto", precision: str | int = "32") -> Fabric:
     """A Fabric for this process; under ``torchrun`` it joins the distributed job.
 
     Args:
         device: "auto", "cpu", "cuda" or "mps".
         precision: of the matrix products of a training step, one of `settings.PRECISIONS`. "bf16-mixed" computes them
-            in bfloat16; weights, optimizer, reductions and validation stay in 32 bits. "auto" is that on CUDA, else
-            "32".
+            in bfloat16; weights, optimizer, reductions and validation stay in 32 bits. "auto" is that on CUDA and on
+            processors with units for such products, else "32".
 
     Where a GPU has TF32, the products that stay in 32 bits take it.
     """
@@ -39,7 +45,7 @@ def make_fabric(device: str = "auto", precision: str | int = "auto") -> Fabric:
         torch.set_float32_matmul_precision("high")
         torch.backends.cudnn.allow_tf32 = True
     if precision == "auto":
-        precision = "bf16-mixed" if cuda else "32"
+        precision = "bf16-mixed" if cuda or (device in ("auto", "cpu") and multiplies_bfloat16()) else "32"
     named = "32-true" if str(precision) == "32" else precision
     world = int(os.environ.get("WORLD_SIZE", "1"))
     accelerator = cast(Any, "cuda" if cuda else "cpu" if device == "auto" else device)
