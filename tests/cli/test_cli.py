@@ -80,6 +80,16 @@ def test_unknown_words_are_said(tmp_path, models, capsys):
     assert re.match(r'note: "a person does a cartwheel, xqzt" is read as ".*"; not known: cartwheel', err)
 
 
+def test_parts_that_may_be_lost_are_said_with_what_makes_them(tmp_path, models, capsys):
+    out = ("--out", str(tmp_path), "--format", "npy", *models)
+    code, _, err = call(capsys, "generate", "a person walks then waves", "a person walks and turns right", *out)
+    assert (code, err.count("a part may be lost")) == (0, 1)
+    assert 'make one motion of all: "a person walks" "waves" --join\n' in err
+    code, files, err = call(capsys, "generate", "a person walks", "waves", "--join", *out)
+    assert (code, len(files.splitlines())) == (0, 1)
+    assert "a part may be lost" not in err
+
+
 def test_what_is_written_has_rotations_and_bones_of_one_length_at_any_rate(tmp_path, models, capsys):
     arguments = ("--out", str(tmp_path), "--format", "npz", "--seconds", "2", "--fps", "30", *models)
     code, out, _ = call(capsys, "generate", "Crème brûlée: a person walks!", *arguments)

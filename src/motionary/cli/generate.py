@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -50,12 +51,23 @@ def _run(options: argparse.Namespace) -> None:
         made = _generated(dictionary, prompts, options, keyframes)
         told = [", then ".join(prompts)] if options.join else prompts
         for text, row, motions in zip(told, names, made, strict=True):
+            if not options.join:
+                _say_parts(text)
             what = {"text": text, **shared.say_reading(dictionary, text), "seed": options.seed}
             for variant, (name, motion) in enumerate(zip(row, motions, strict=True)):
                 seconds, files = round(motion.duration, 3), outputs.write(motion, name, text)
                 rows.append(what | {"variant": variant, "seconds": seconds, "files": files})
                 bar.update()
     shared.show(options, rows, [file for row in rows for file in row["files"]])
+
+
+def _say_parts(text: str) -> None:
+    """One line on standard error where a prompt tells of several motions, of which a system may make only one."""
+    from motionary.language import prompt_parts
+
+    if len(parts := prompt_parts(text)) > 1:
+        given = " ".join(f'"{part}"' for part in parts)
+        print(f"note: a part may be lost; several prompts make one motion of all: {given} --join", file=sys.stderr)
 
 
 def _generated(
