@@ -11,7 +11,7 @@ from motionary.language import PromptReading, Sentence
 def test_every_letter_of_a_prompt_is_shown():
     text = "<img src=x onerror=alert(1)> *walks* [away](http://a) xqzt"
     sentence = Sentence(text, ("img", "walk", "<unknown>"), ("NOUN", "ACTION", "OTHER"))
-    reading = PromptReading(sentence, {"img": "person"}, ("xqzt",), 0.6, "a <b>bold</b> person")
+    reading = PromptReading(sentence, {"img": "person"}, ("xqzt",), (), 0.6, "a <b>bold</b> person")
     line = read_line(reading)
     assert not re.search(r"(?<!\\)[<>*\[\]()_]", line)
     assert r"\<unknown\>" in line

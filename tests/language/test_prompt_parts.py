@@ -25,8 +25,8 @@ def test_parts_that_follow_each_other_are_told_apart(text, parts):
 @pytest.mark.parametrize(
     "text",
     [
-        "walks and turns right", "a person sits down and stands up again", "then waves", "a person stands before a table",
-        "after jumping he sits", "a person walks forward, then backwards", "a person claps while walking", "",
+        "walks and turns right", "a person sits down and stands up again", "then waves", "after jumping he sits", "",
+        "a person stands before a table", "a person walks forward, then backwards", "a person claps while walking",
     ],
 )  # fmt: skip
 def test_one_motion_is_one_part(text):
