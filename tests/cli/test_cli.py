@@ -146,11 +146,14 @@ def test_caption_says_a_line_for_each(clip, models, capsys):
 
 
 def test_search_lists_windows(models, capsys):
-    code, out, _ = call(capsys, "search", "a person walks", "-k", "3", *models)
+    code, out, err = call(capsys, "search", "a person walks", "-k", "3", *models)
     assert code == 0
     distances = [float(line.split("\t")[0]) for line in out.splitlines()]
     assert len(distances) == 3
     assert distances == sorted(distances)
+    assert "columns: distance of motion and text (from 0 up" in err
+    two = call(capsys, "search", "a person walks", "jump", "-k", "1", *models)[1]
+    assert [line.split("\t")[0] for line in two.splitlines()] == ["a person walks", "jump"]
     rows = json.loads(call(capsys, "search", "a person walks", "-k", "3", "--json", *models)[1])
     assert rows[0]["matches"][0]["captions"]
 
