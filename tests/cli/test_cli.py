@@ -19,6 +19,7 @@ from motionary import read_motion
 from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
 from motionary.cli.outputs import slug
+from motionary.errors import InputError
 
 
 def shell(*arguments: str, text: str = "") -> subprocess.CompletedProcess:
@@ -136,6 +137,40 @@ def test_existing_files_are_kept_unless_forced(tmp_path, models, capsys):
     assert read_motion(kept).frames
 
 
+@pytest.mark.parametrize(
+    ("option", "told"),
+    [
+        (("--seed", "-1"), "--seed: -1: must be a whole number"),
+        (("--system", "nope"), "system: nope: must be one of"),
+        (("--seconds", "900"), "seconds: 900"),
+        (("--seconds", "1,2"), "must be one number, or one for each"),
+        (("--temperature", "0"), "--temperature: 0: must be a number above 0"),
+        (("--loop", "--path", "0,0 0,1"), "contradict each other"),
+        (("--format", "fbx"), "format: fbx"),
+    ],
+)
+def test_a_wrong_option_is_said_before_a_file_that_is_there(option, told, tmp_path, models, capsys):
+    (tmp_path / "jump.npy").write_text("precious")
+    arguments = ("generate", "jump", "--format", "npy", "--out", str(tmp_path), *models)
+    code, _, err = call(capsys, *arguments, *option)
+    assert code == 2
+    assert told in err
+    code, _, err = call(capsys, *arguments)
+    assert (code, err) == (2, f"error: {tmp_path / 'jump.npy'}: exists: kept as it is; use --force to replace it\n")
+
+
+def test_convert_and_edit_say_wrong_options_before_a_file_that_is_there(clip, tmp_path, models, capsys):
+    for name in ("out.npz", "given-extend.bvh"):
+        (tmp_path / name).touch()
+    code, _, err = call(capsys, "convert", str(clip), str(tmp_path / "out.npz"), "--fps", "-3")
+    assert (code, "fps: -3" in err, "exists" in err) == (2, True, False)
+    edit = ("edit", str(clip), "--out", str(tmp_path), *models, "--extend")
+    assert "exists" not in call(capsys, *edit, "900")[2]
+    assert "use --force to" in call(capsys, *edit, "1")[2]
+    with pytest.raises(InputError, match="use force=True to"):
+        read_motion(clip).save(tmp_path / "out.npz", force=False)
+
+
 def test_caption_says_a_line_for_each(clip, models, capsys):
     code, out, _ = call(capsys, "caption", str(clip), "-n", "2", *models)
     assert (code, len(out.splitlines())) == (0, 2)
@@ -233,7 +268,8 @@ def test_view_writes_a_page(clip, tmp_path, capsys, monkeypatch):
         (["generate", "w" * 10_000], "at most 1000 characters"),
         (["generate", "   "], "must not be empty"),
         (["generate", "walk", "--file", "x"], "not both"),
-        (["generate", "--file", "nowhere.txt"], "nowhere.txt"),
+        (["generate", "--file", "nowhere.txt"], "nowhere.txt: missing: must be a text file with one prompt a line\n"),
+        (["generate", "--file", "."], ".: a folder: must be a text file"),
         (["generate", "walk", "-n", "0"], "-n: 0: must be from 1 to 10,000"),
         (["generate", "walk", "-n", "1" + "0" * 400], "-n: a number of 401 digits: must be from 1 to 10,000"),
         (["generate", "walk", "--keyframe", "0="], "--keyframe: 0=: must name a file"),
