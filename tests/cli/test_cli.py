@@ -279,6 +279,8 @@ def test_view_writes_a_page(clip, tmp_path, capsys, monkeypatch):
         (["generate", "walk", "-n", "x"], "invalid whole number"),
         (["generate", "walk", "--out", "/proc/nothing"], "/proc/nothing"),
         (["caption", "nowhere.bvh"], "nowhere.bvh: missing"),
+        (["caption", "."], ".: a folder: must be a file; name those in it, as ./*.bvh, or take all of them: motionary"),
+        (["view", "."], ".: a folder: must be a file"),
         (["caption", "CLIP", "--start", "5", "--end", "2"], "--start, --end"),
         (["convert", "CLIP", "out.fbx"], "format: fbx"),
         (["convert", "CLIP", "out"], "format: none"),
