@@ -66,8 +66,8 @@ def export_humanml3d(
         progress: show bars.
 
     Returns:
-        Counts: "motions" and "captions" (copies included), a number for each split, and "problems", a list of
-        InputError.
+        Counts: "clips", "motions" and "captions" (copies included), a number for each split, "split", by what they
+        were split ("given": by the folder itself), and "problems", a list of InputError.
 
     Raises:
         InputError: no usable clip, or a place that cannot be written.
@@ -80,7 +80,8 @@ def export_humanml3d(
     if not clips:
         hint = f"; the first problem: {problems[0]}" if problems else ""
         raise InputError(root, "no clip", f"must hold at least one usable clip{hint}")
-    splits = split_clips(clips, "given" if any(clip.split for clip in clips) else split, ratios, seed)
+    kind = "given" if any(clip.split for clip in clips) else split
+    splits = split_clips(clips, kind, ratios, seed)
     cut = RELEASED if isinstance(source, HumanML3DSource) else COVERING
     out = _free(root, Path(out), force)
     recipe = Recipe(_SKELETON, "humanml3d", Rule(_FPS, *SECONDS, UNIT, cut, seed=seed), mirror)
@@ -91,7 +92,7 @@ def export_humanml3d(
         bar = tqdm(encoded, "export", len(clips), unit="clip", disable=not progress)
         for clip, found in zip(clips, bar, strict=True):
             writing.add(found, splits[clip.id])
-        return writing.finish()
+        return {"clips": len(clips), "split": kind, **writing.finish()}
 
 
 def _free(root: Path, out: Path, force: bool) -> Path:
