@@ -167,6 +167,8 @@ def test_convert_and_edit_say_wrong_options_before_a_file_that_is_there(clip, tm
     edit = ("edit", str(clip), "--out", str(tmp_path), *models, "--extend")
     assert "exists" not in call(capsys, *edit, "900")[2]
     assert "use --force to" in call(capsys, *edit, "1")[2]
+    edit = (edit[0], edit[1], "a person does a cartwheel", *edit[2:])
+    assert "not known: cartwheel" in call(capsys, *edit, "1", "--force")[2]
     with pytest.raises(InputError, match="use force=True to"):
         read_motion(clip).save(tmp_path / "out.npz", force=False)
 
@@ -279,6 +281,7 @@ def test_view_writes_a_page(clip, tmp_path, capsys, monkeypatch):
         (["generate", "walk", "-n", "x"], "invalid whole number"),
         (["generate", "walk", "--out", "/proc/nothing"], "/proc/nothing"),
         (["caption", "nowhere.bvh"], "nowhere.bvh: missing"),
+        (["search", "walk", "--in", "nowhere"], "nowhere: missing: must be a folder that `motionary index` has read"),
         (["caption", "."], ".: a folder: must be a file; name those in it, as ./*.bvh, or take all of them: motionary"),
         (["view", "."], ".: a folder: must be a file"),
         (["caption", "CLIP", "--start", "5", "--end", "2"], "--start, --end"),

@@ -166,7 +166,7 @@ def test_files_in_two_formats_are_taken_once_and_said_once(tmp_path):
     clips, problems = listed(tmp_path)
     assert [Path(clip.where).name for clip in clips] == ["x.bvh", "y.npy", "z.glb"]
     (problem,) = problems
-    assert problem.value == "2 files"
+    assert problem.value == "2 of 5 files"
     assert problem.rule == ("left out: 2 .npy, which lie beside a file of the same name; read: 1 .bvh, 1 .npy, 1 .glb")
 
 

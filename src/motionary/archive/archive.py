@@ -55,6 +55,8 @@ class Archive:
     def __init__(self, folder: str | Path):
         self.folder = Path(folder)
         place = self.folder / HIDDEN / INDEX
+        if not self.folder.is_dir():
+            raise InputError(folder, "missing", "must be a folder that `motionary index` has read")
         if not (place / "index.json").is_file():
             raise InputError(folder, "no index", f"run `motionary index {folder}` first")
         try:

@@ -166,7 +166,7 @@ class FolderSource:
             read = Counter(Path(clip.where).suffix for clip in taken.values())
             told = [", ".join(f"{n} {suffix}" for suffix, n in counts.items()) for counts in (Counter(left), read)]
             rule = f"left out: {told[0]}, which lie beside a file of the same name; read: {told[1]}"
-            problems.append(InputError(self.root, f"{len(left)} files", rule))
+            problems.append(InputError(self.root, f"{len(left)} of {len(found)} files", rule))
         return list(taken.values())
 
     def _found(self, path: Path) -> Clip:
