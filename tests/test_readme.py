@@ -3,6 +3,8 @@ takes long or belongs to the pipeline is held against what it names."""
 
 from __future__ import annotations
 
+import ast
+import builtins
 import contextlib
 import importlib.util
 import json
@@ -84,6 +86,17 @@ def test_python_examples_run_one_after_the_other(folder, names):
     assert len(names["found"]) == 3
     for picture in ("generated.png", "caption.png", "search.png"):
         assert Image.open(folder / "out" / picture).width > 500
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_first_python_example_of_a_page_imports_and_opens_what_it_uses(page):
+    """Whoever comes by a link has run nothing before it."""
+    shown = re.search(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    code = ast.parse(shown[1] if shown else "")
+    names = [node for node in ast.walk(code) if isinstance(node, ast.Name)]
+    made = {name.id for name in names if isinstance(name.ctx, ast.Store)} | set(dir(builtins))
+    made |= {a.asname or a.name for n in ast.walk(code) if isinstance(n, ast.Import | ast.ImportFrom) for a in n.names}
+    assert {name.id for name in names if isinstance(name.ctx, ast.Load)} <= made
 
 
 def test_the_readme_reads_and_writes_in_out_alone():

@@ -61,6 +61,9 @@ def shortened(value: object, most: int = _LONGEST) -> str:
     return found if len(found) <= most else found[: most - 3] + "..."
 
 
+KEPT = "kept as it is; use force=True to replace it"  # the rule of a file or folder that is there; a shell says --force
+
+
 def exit_code(run: Callable[[], object]) -> int:
     """Runs a command: 0, or 2 after one line on standard error where an input broke a rule."""
     try:

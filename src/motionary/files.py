@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from motionary.errors import InputError
+from motionary.errors import KEPT, InputError
 
 LISTED = "files.json"  # of a folder whose writer lists its files: their sizes and hashes
 UNFINISHED = ".unfinished-"  # how the names begin of what is being written; only a killed process leaves it
@@ -113,14 +113,20 @@ def writable(path: str | os.PathLike, force: bool = True) -> Path:
     if path.is_dir():
         raise InputError(path, "a folder", "must be a file name")
     if there and not force:
-        raise InputError(path, "exists", "kept as it is; use force=True (--force) to replace it")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(path, error.strerror or error, "its folder cannot be made") from None
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise InputError(path, "not writable", "permission to write in its folder is needed")
+        raise InputError(path, "exists", KEPT)
+    writable_folder(path.parent, path)
     return path
+
+
+def writable_folder(folder: Path, path: Path | None = None) -> None:
+    """Make the folder of a file when it is missing; InputError that names the file, or else the folder, where nothing
+    can be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(path or folder, error.strerror or error, "the folder cannot be made") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(path or folder, "not writable", "permission to write in the folder is needed")
 
 
 @contextmanager

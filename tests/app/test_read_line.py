@@ -11,7 +11,7 @@ from motionary.language import PromptReading, Sentence
 def test_every_letter_of_a_prompt_is_shown():
     text = "<img src=x onerror=alert(1)> *walks* [away](http://a) xqzt"
     sentence = Sentence(text, ("img", "walk", "<unknown>"), ("NOUN", "ACTION", "OTHER"))
-    reading = PromptReading(sentence, {"img": "person"}, ("xqzt",), 0.6, "a <b>bold</b> person")
+    reading = PromptReading(sentence, {"img": "person"}, ("xqzt",), (), 0.6, "a <b>bold</b> person")
     line = read_line(reading)
     assert not re.search(r"(?<!\\)[<>*\[\]()_]", line)
     assert r"\<unknown\>" in line
@@ -23,3 +23,8 @@ def test_every_letter_of_a_prompt_is_shown():
 def test_a_prompt_that_is_known_is_one_line():
     sentence = Sentence("he walks", ("person", "walk"), ("NOUN", "ACTION"))
     assert read_line(PromptReading(sentence)) == "Read as: person walk"
+
+
+def test_where_parts_go_is_said():
+    sentence = Sentence("he walks, then waves", ("person", "walk", "then", "wave"), ("NOUN", "ACTION", "ADV", "ACTION"))
+    assert "under How" in read_line(PromptReading(sentence))

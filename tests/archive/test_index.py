@@ -167,9 +167,25 @@ def test_the_shell_indexes_and_searches(recordings, pipeline, tmp_path, capsys):
     assert main(["index", str(recordings), "--out", str(tmp_path), "--workers", "1", "--json", *models]) == 0
     assert json.loads(capsys.readouterr().out)["clips"] == 8
     assert main(["search", "a person walks", "--in", str(tmp_path), "-k", "2", *models]) == 0
-    out = capsys.readouterr().out.splitlines()
+    said = capsys.readouterr()
+    out = said.out.splitlines()
     assert len(out) == 2
     assert all(" s\t" in line for line in out)
+    assert said.err.splitlines()[-1].startswith("columns: distance")
+
+
+def test_what_a_search_names_can_be_opened_from_here_and_after_a_move(recordings, pipeline, tmp_path, monkeypatch):
+    shutil.copytree(recordings, tmp_path / "one" / "mocap", ignore=shutil.ignore_patterns(".motionary"))
+    monkeypatch.chdir(tmp_path)
+    index_folder("one/mocap", pipeline / "models", "one/out", "cpu", 1, progress=False)
+    (tmp_path / "one").rename(tmp_path / "two")
+    dictionary = load(pipeline / "models", "cpu")
+    (below,) = Archive("two/out").search(dictionary, "a person walks", k=1)
+    assert below.file == f"two/mocap/{below.motion}"
+    assert Path(below.file).is_file()
+    monkeypatch.chdir(tmp_path / "two" / "out")
+    (outside,) = Archive(".").search(dictionary, "a person walks", k=1)
+    assert outside.file == str(tmp_path / "two" / "mocap" / below.motion)
 
 
 @pytest.mark.parametrize("case", ["no folder", "no index", "other models"])

@@ -19,6 +19,7 @@ from motionary import read_motion
 from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
 from motionary.cli.outputs import slug
+from motionary.errors import InputError
 
 
 def shell(*arguments: str, text: str = "") -> subprocess.CompletedProcess:
@@ -80,6 +81,16 @@ def test_unknown_words_are_said(tmp_path, models, capsys):
     assert re.match(r'note: "a person does a cartwheel, xqzt" is read as ".*"; not known: cartwheel', err)
 
 
+def test_parts_that_may_be_lost_are_said_with_what_makes_them(tmp_path, models, capsys):
+    out = ("--out", str(tmp_path), "--format", "npy", *models)
+    code, _, err = call(capsys, "generate", "a person walks then waves", "a person walks and turns right", *out)
+    assert (code, err.count("a part may be lost")) == (0, 1)
+    assert 'make one motion of all: "a person walks" "waves" --join\n' in err
+    code, files, err = call(capsys, "generate", "a person walks", "waves", "--join", *out)
+    assert (code, len(files.splitlines())) == (0, 1)
+    assert "a part may be lost" not in err
+
+
 def test_what_is_written_has_rotations_and_bones_of_one_length_at_any_rate(tmp_path, models, capsys):
     arguments = ("--out", str(tmp_path), "--format", "npz", "--seconds", "2", "--fps", "30", *models)
     code, out, _ = call(capsys, "generate", "Crème brûlée: a person walks!", *arguments)
@@ -126,6 +137,42 @@ def test_existing_files_are_kept_unless_forced(tmp_path, models, capsys):
     assert read_motion(kept).frames
 
 
+@pytest.mark.parametrize(
+    ("option", "told"),
+    [
+        (("--seed", "-1"), "--seed: -1: must be a whole number"),
+        (("--system", "nope"), "system: nope: must be one of"),
+        (("--seconds", "900"), "seconds: 900"),
+        (("--seconds", "1,2"), "must be one number, or one for each"),
+        (("--temperature", "0"), "--temperature: 0: must be a number above 0"),
+        (("--loop", "--path", "0,0 0,1"), "contradict each other"),
+        (("--format", "fbx"), "format: fbx"),
+    ],
+)
+def test_a_wrong_option_is_said_before_a_file_that_is_there(option, told, tmp_path, models, capsys):
+    (tmp_path / "jump.npy").write_text("precious")
+    arguments = ("generate", "jump", "--format", "npy", "--out", str(tmp_path), *models)
+    code, _, err = call(capsys, *arguments, *option)
+    assert code == 2
+    assert told in err
+    code, _, err = call(capsys, *arguments)
+    assert (code, err) == (2, f"error: {tmp_path / 'jump.npy'}: exists: kept as it is; use --force to replace it\n")
+
+
+def test_convert_and_edit_say_wrong_options_before_a_file_that_is_there(clip, tmp_path, models, capsys):
+    for name in ("out.npz", "given-extend.bvh"):
+        (tmp_path / name).touch()
+    code, _, err = call(capsys, "convert", str(clip), str(tmp_path / "out.npz"), "--fps", "-3")
+    assert (code, "fps: -3" in err, "exists" in err) == (2, True, False)
+    edit = ("edit", str(clip), "--out", str(tmp_path), *models, "--extend")
+    assert "exists" not in call(capsys, *edit, "900")[2]
+    assert "use --force to" in call(capsys, *edit, "1")[2]
+    edit = (edit[0], edit[1], "a person does a cartwheel", *edit[2:])
+    assert "not known: cartwheel" in call(capsys, *edit, "1", "--force")[2]
+    with pytest.raises(InputError, match="use force=True to"):
+        read_motion(clip).save(tmp_path / "out.npz", force=False)
+
+
 def test_caption_says_a_line_for_each(clip, models, capsys):
     code, out, _ = call(capsys, "caption", str(clip), "-n", "2", *models)
     assert (code, len(out.splitlines())) == (0, 2)
@@ -136,11 +183,14 @@ def test_caption_says_a_line_for_each(clip, models, capsys):
 
 
 def test_search_lists_windows(models, capsys):
-    code, out, _ = call(capsys, "search", "a person walks", "-k", "3", *models)
+    code, out, err = call(capsys, "search", "a person walks", "-k", "3", *models)
     assert code == 0
     distances = [float(line.split("\t")[0]) for line in out.splitlines()]
     assert len(distances) == 3
     assert distances == sorted(distances)
+    assert "columns: distance of motion and text (from 0 up" in err
+    two = call(capsys, "search", "a person walks", "jump", "-k", "1", *models)[1]
+    assert [line.split("\t")[0] for line in two.splitlines()] == ["a person walks", "jump"]
     rows = json.loads(call(capsys, "search", "a person walks", "-k", "3", "--json", *models)[1])
     assert rows[0]["matches"][0]["captions"]
 
@@ -220,7 +270,8 @@ def test_view_writes_a_page(clip, tmp_path, capsys, monkeypatch):
         (["generate", "w" * 10_000], "at most 1000 characters"),
         (["generate", "   "], "must not be empty"),
         (["generate", "walk", "--file", "x"], "not both"),
-        (["generate", "--file", "nowhere.txt"], "nowhere.txt"),
+        (["generate", "--file", "nowhere.txt"], "nowhere.txt: missing: must be a text file with one prompt a line\n"),
+        (["generate", "--file", "."], ".: a folder: must be a text file"),
         (["generate", "walk", "-n", "0"], "-n: 0: must be from 1 to 10,000"),
         (["generate", "walk", "-n", "1" + "0" * 400], "-n: a number of 401 digits: must be from 1 to 10,000"),
         (["generate", "walk", "--keyframe", "0="], "--keyframe: 0=: must name a file"),
@@ -230,6 +281,9 @@ def test_view_writes_a_page(clip, tmp_path, capsys, monkeypatch):
         (["generate", "walk", "-n", "x"], "invalid whole number"),
         (["generate", "walk", "--out", "/proc/nothing"], "/proc/nothing"),
         (["caption", "nowhere.bvh"], "nowhere.bvh: missing"),
+        (["search", "walk", "--in", "nowhere"], "nowhere: missing: must be a folder that `motionary index` has read"),
+        (["caption", "."], ".: a folder: must be a file; name those in it, as ./*.bvh, or take all of them: motionary"),
+        (["view", "."], ".: a folder: must be a file"),
         (["caption", "CLIP", "--start", "5", "--end", "2"], "--start, --end"),
         (["convert", "CLIP", "out.fbx"], "format: fbx"),
         (["convert", "CLIP", "out"], "format: none"),

@@ -1,6 +1,7 @@
 """Every kind of bad line and caption becomes one problem that names file, line, value and rule."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -154,6 +155,19 @@ def test_equal_stems_in_different_folders_are_different_clips(tmp_path):
     assert [clip.id for clip in clips] == ["root/a/x", "root/b/x"]
     assert not problems
     assert clips[0].fps == 20
+
+
+def test_files_in_two_formats_are_taken_once_and_said_once(tmp_path):
+    (tmp_path / "a").mkdir()
+    for name in ("a/x.npy", "a/y.npy", "z.npy"):
+        np.save(tmp_path / name, np.zeros((4, 22, 3), np.float32))
+    for name in ("a/x.bvh", "z.glb"):
+        (tmp_path / name).touch()
+    clips, problems = listed(tmp_path)
+    assert [Path(clip.where).name for clip in clips] == ["x.bvh", "y.npy", "z.glb"]
+    (problem,) = problems
+    assert problem.value == "2 of 5 files"
+    assert problem.rule == ("left out: 2 .npy, which lie beside a file of the same name; read: 1 .bvh, 1 .npy, 1 .glb")
 
 
 @pytest.mark.parametrize(

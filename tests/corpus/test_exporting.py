@@ -164,11 +164,18 @@ def test_the_shell_says_what_it_left_out(recordings, tmp_path, capsys):
     assert told.err.count("warning: ") == 1
     assert "bad.npy" in told.err
     assert not list((out / "texts").glob("M*"))
+    assert main(["export", "humanml3d", str(recordings), str(out), "--ratios", "0.4", "0.3", "0.3", "--force"]) == 0
+    counts = {split: len(names_of(out, split)) for split in SPLITS}
+    shares = ", ".join(f"{split} {count}" for split, count in counts.items())
+    told = f"{out}: 8 motions (mirrored copies among them) of 4 clips, 6 captions; split by clip: {shares}\n"
+    assert capsys.readouterr().out == told
+    assert main(["export", "humanml3d", str(out), str(tmp_path / "again"), "--no-mirror"]) == 0
+    assert "; split as the folder gives it: " in capsys.readouterr().out
 
 
 def test_what_stands_in_the_way_is_kept(recordings, tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match="--force"):
+    with pytest.raises(InputError, match="use force=True"):
         export_humanml3d(recordings, tmp_path, workers=1, progress=False)
     with pytest.raises(InputError, match="another folder"):
         export_humanml3d(recordings, recordings.parent, force=True)

@@ -83,6 +83,18 @@ def test_a_foreign_prompt_is_told_the_language(vocabulary, meanings):
     assert "in English" not in reading("a person xqzts", vocabulary, meanings).line
 
 
+@pytest.mark.parametrize("text", ["ein mann springt", "una persona camina", "der walks", "une person jumps quickly"])
+def test_words_near_english_ones_do_not_make_a_prompt_english(text, vocabulary, meanings):
+    assert "prompts are read in English" in reading(text, vocabulary, meanings).line
+
+
+@pytest.mark.parametrize("text", ["a persn walks quikly", "he hurls a stool", "a person dashes to the sofa"])
+def test_english_with_unknown_words_and_typos_is_not_told_the_language(text, vocabulary, meanings):
+    found = reading(text, vocabulary, meanings)
+    assert found.line
+    assert "in English" not in found.line
+
+
 def test_what_has_no_meaning_is_said_and_not_made_up(vocabulary, meanings):
     found = reading("a person xqzts", vocabulary, meanings)
     assert found.unknown
@@ -102,6 +114,23 @@ def test_distance_is_to_the_nearest_caption(vocabulary, meanings):
     assert far.distance == pytest.approx(1 - likeness.max(), abs=1e-5)
     assert "far from anything known" in far.line
     assert reading(text, vocabulary, meanings).measured(Meanings.of_words(vocabulary)).distance is None
+
+
+def test_typos_and_synonyms_are_as_near_as_what_they_are_read_as(vocabulary, meanings):
+    said = reading("a person sits on a sofa", vocabulary, meanings)
+    assert said.compared == "a person sits on a chair"
+    assert (said.measured(meanings).nearest, said.guessed) == ("a person sits on a chair", ())
+    assert said.measured(meanings).distance == pytest.approx(0, abs=1e-5)
+    assert reading("a persn waves with the left hand", vocabulary, meanings).measured(meanings).distance < 1e-5
+
+
+def test_guesses_are_as_far_as_they_were_typed(vocabulary, meanings):
+    text = "a person throws a balloon"
+    said = reading(text, vocabulary, meanings)
+    assert said.guessed == tuple(said.replaced) == ("balloon",)
+    assert said.compared == text
+    known = reading("a person throws a ball", vocabulary, meanings).measured(meanings)
+    assert said.measured(meanings).distance > known.distance + 0.1
 
 
 def test_meanings_survive_the_disk(meanings, tmp_path):

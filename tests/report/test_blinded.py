@@ -182,6 +182,11 @@ def test_the_commands(pipeline, tmp_path):
     done = subprocess.run([*command, "--a", "real", "--b", "real", "--texts", "2"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert out.read_text().startswith("<!doctype html>")
+    done = subprocess.run(
+        [*command[:-2], "--a", "real", "--b", "real", "--texts", "2"], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.stdout == "out/blinded.html\n"
+    assert (tmp_path / "out/blinded.html").is_file()
     votes = [sys.executable, "-m", "motionary.report.votes", str(answers(tmp_path, "one", "ab"))]
     done = subprocess.run(votes, capture_output=True, text=True)
     assert "x rather than y: 50.0%" in done.stdout

@@ -12,7 +12,7 @@ from motionary.app.shown_poses import read_poses
 from motionary.app.visit import Visit
 from motionary.app.wording import plain, short, titles
 from motionary.errors import InputError
-from motionary.language import PromptReading
+from motionary.language import PromptReading, prompt_parts
 from motionary.motion import Motion
 from motionary.motion.paths import read_points
 from motionary.systems.registry import find
@@ -96,7 +96,10 @@ class GenerateTab:
 
 def read_line(reading: PromptReading) -> str:
     """How a prompt was read, as markdown that shows it letter by letter."""
-    return "  \n".join([f"Read as: {plain(reading.words)}", *([plain(reading.line)] if reading.line else [])])
+    lines = [reading.line] if reading.line else []
+    if len(prompt_parts(reading.sentence.text)) > 1:
+        lines.append("A part may be lost: what follows has a field of its own, under How.")
+    return "  \n".join([f"Read as: {plain(reading.words)}", *map(plain, lines)])
 
 
 def of_one_text(motions: Sequence[Motion], text: str) -> list[Item]:

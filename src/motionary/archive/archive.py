@@ -22,11 +22,12 @@ class Moment:
     """A stretch of a clip that a search found.
 
     Attributes:
-        motion: the clip's file, relative to the archive.
+        motion: the clip's file, relative to the folder that was indexed.
         start, end: seconds in it.
         distance: to the text, in the models' space.
         caption: that was made of it.
         flags: why the clip is suspected to be broken, by flag.
+        file: the clip's file as it can be opened from here.
     """
 
     motion: str
@@ -35,6 +36,7 @@ class Moment:
     distance: float
     caption: str
     flags: dict[str, str]
+    file: str
 
 
 class Archive:
@@ -53,6 +55,8 @@ class Archive:
     def __init__(self, folder: str | Path):
         self.folder = Path(folder)
         place = self.folder / HIDDEN / INDEX
+        if not self.folder.is_dir():
+            raise InputError(folder, "missing", "must be a folder that `motionary index` has read")
         if not (place / "index.json").is_file():
             raise InputError(folder, "no index", f"run `motionary index {folder}` first")
         try:
@@ -60,6 +64,7 @@ class Archive:
             self.clips = pq.read_table(place / "clips.parquet").to_pydict()
             self.windows = pq.read_table(place / "windows.parquet").to_pydict()
             self.embeddings = np.load(place / "embeddings.npy", mmap_mode="r")
+            self._clips_folder = (self.folder.resolve() / self.told["folder"]).resolve()
         except Exception as error:
             raise InputError(place, error, f"missing or damaged; run `motionary index {folder}` again") from None
 
@@ -102,7 +107,13 @@ class Archive:
 
     def _moment(self, row: int, distance: float) -> Moment:
         start, end, caption, clip = (self.windows[name][row] for name in ("start", "end", "caption", "clip"))
-        return Moment(self.clips["file"][clip], start, end, distance, caption, json.loads(self.clips["flags"][clip]))
+        motion, flags = self.clips["file"][clip], json.loads(self.clips["flags"][clip])
+        return Moment(motion, start, end, distance, caption, flags, self._file(motion))
+
+    def _file(self, motion: str) -> str:
+        """A clip's file, relative to the working folder where it lies below that."""
+        path = self._clips_folder / motion
+        return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def _overlap(one: Moment, other: Moment) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -48,7 +49,8 @@ def write_out(
         "broken": sum(map(bool, suspected)),
         "duplicates": len(pairs),
     }
-    _write_index(out / HIDDEN / INDEX, rows, suspected, windows, embeddings, {**version, **counts})
+    there = os.path.relpath(folder.resolve(), out.resolve())  # so that both may be moved together
+    _write_index(out / HIDDEN / INDEX, rows, suspected, windows, embeddings, {**version, **counts, "folder": there})
     _write_lines(out / CAPTIONS, _captions(folder, read, suspected, version["captioner"]))
     broken = [(row.file, own) for row, own in zip(rows, suspected, strict=True) if own]
     _write_lines(out / FLAGS, ({"motion": file, "flags": own} for file, own in broken))

@@ -35,7 +35,7 @@ def _run(options: argparse.Namespace) -> None:
 
     count = options.n if options.between is None else options.steps
     names = variants(slug("-".join(options.actions), "action"), count)
-    outputs = Outputs(options, names)
+    outputs = Outputs(options)
     if options.between is not None and (len(options.actions) > 1 or options.start or len(options.seconds) > 1):
         raise InputError("--between", " ".join(options.actions), "takes one action, one length and no start")
     start = None
@@ -50,6 +50,7 @@ def _run(options: argparse.Namespace) -> None:
         )
     else:
         made = dictionary.act(options.actions, options.n, seconds, options.seed, options.scale, start, options.feet)
+    outputs.claim(names)
     rows: list[dict[str, Any]] = []
     for variant, (name, motion) in enumerate(zip(names, made, strict=True)):
         files = outputs.write(motion, name, ", ".join(options.actions))

@@ -27,7 +27,7 @@ from motionary.cli import (
     view,
 )
 from motionary.cli.command import build_parser
-from motionary.errors import InputError, InputWarning
+from motionary.errors import KEPT, InputError, InputWarning
 
 COMMANDS = tuple(
     module.COMMAND
@@ -91,6 +91,13 @@ def _open_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
 
 
+def _in_a_shell(error: InputError) -> InputError:
+    """The error with the option in the place of the argument that Python would take."""
+    if error.rule != KEPT:
+        return error
+    return InputError(error.what, error.value, "kept as it is; use --force to replace it")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit code: 0, 2 on bad input (one bad file of several), 130 when interrupted."""
     _open_streams()
@@ -106,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {_in_a_shell(error)}", file=sys.stderr)
         return 2
     except OSError as error:
         file = error.filename if isinstance(error.filename, str) else "a file"

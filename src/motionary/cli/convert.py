@@ -33,7 +33,6 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.motion import Skeleton, resample, retarget
 
     extension = known_extension(Path(options.target).suffix or "none")
-    writable(options.target, options.force)
     with shared.naming(options.source, options.target, options.onto, options.mapping):
         motion, read = read_motion_warning(options.source, fps=options.source_fps, **shared.reading(options))
         if options.verbose:
@@ -43,6 +42,7 @@ def _run(options: argparse.Namespace) -> None:
             motion = retarget(motion, Skeleton.named(options.skeleton))
         if options.fps is not None:
             motion = resample(motion, options.fps)
+        writable(options.target, options.force)
         given = {"force": options.force, "onto": options.onto}
         print(write_motion(motion, options.target, **given, **captioned(extension, options.caption)))
 

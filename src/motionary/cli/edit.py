@@ -43,14 +43,17 @@ def _run(options: argparse.Namespace) -> None:
     if len(asked) != 1:
         raise InputError("edit", " ".join(asked) or "nothing asked", "give --start and --end, --extend, or --between")
     name = f"{Path(options.file).stem}-{asked[0].strip('-').replace('start', 'edited')}"
-    outputs = Outputs(options, [name])
+    outputs = Outputs(options)
     read = {"fps": options.source_fps, **shared.reading(options)}
     motion = read_motion(options.file, **read)
     other = read_motion(options.between, **read) if options.between else None
-    made = _made(shared.open_models(options), motion, other, options)
+    dictionary = shared.open_models(options)
+    made = _made(dictionary, motion, other, options)
+    outputs.claim([name])
+    read_as = {} if options.text is None else shared.say_reading(dictionary, options.text)
     files = outputs.write(made, name, options.text)
     row = {"file": options.file, "text": options.text, "seed": options.seed, "seconds": round(made.duration, 3)}
-    shared.show(options, [row | {"files": files}], files)
+    shared.show(options, [row | read_as | {"files": files}], files)
 
 
 def _made(dictionary: Dictionary, motion: Motion, other: Motion | None, options: argparse.Namespace) -> Motion:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from typing import Any
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
@@ -39,8 +40,17 @@ def _run(options: argparse.Namespace) -> None:
         print(f"warning: {problem}", file=sys.stderr)
     if len(problems) > _SHOWN:
         print(f"warning: {len(problems) - _SHOWN} more problems", file=sys.stderr)
-    row = {"folder": options.out, **counts, "problems": len(problems)}
-    print(json.dumps(row, indent=1, ensure_ascii=False) if options.json else options.out)
+    row = {"folder": options.out, **counts, "mirrored": options.mirror, "problems": len(problems)}
+    print(json.dumps(row, indent=1, ensure_ascii=False) if options.json else _line(row))
+
+
+def _line(row: dict[str, Any]) -> str:
+    """What was written, and how it was split."""
+    copies = "mirrored copies among them" if row["mirrored"] else "without mirrored copies"
+    how = "as the folder gives it" if row["split"] == "given" else f"by {row['split']}"
+    shares = ", ".join(f"{split} {row[split]}" for split in ("train", "val", "test"))
+    motions = f"{row['motions']} motions ({copies}) of {row['clips']} clips, {row['captions']} captions"
+    return f"{row['folder']}: {motions}; split {how}: {shares}"
 
 
 COMMAND = Command(

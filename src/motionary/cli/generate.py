@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add_constraints(add)
     shared.add_system(add)
     add_outputs(add)
-    add.add_argument("--temperature", type=float, help="above 1 generates more variety, below 1 less")
+    add.add_argument("--temperature", type=shared.above_zero, help="above 1 generates more variety, below 1 less")
     told = "draw from the likeliest tokens that have this share together, of systems that write tokens"
     add.add_argument("--top-p", type=float, help=told)
     shared.add_feet(add)
@@ -42,14 +43,18 @@ def _run(options: argparse.Namespace) -> None:
     prompts = shared.read_prompts(options)
     keyframes = read_keyframes(options)
     names = _names(["-".join(prompts)] if options.join else prompts, options.n)
-    outputs = Outputs(options, (name for row in names for name in row))
+    outputs = Outputs(options)
     dictionary = shared.open_models(options)
+    _check(dictionary, prompts, options, keyframes)
+    outputs.claim(name for row in names for name in row)
     rows: list[dict[str, Any]] = []
     total = len(names) * options.n
     with tqdm(total=total, unit="motion", desc="generate", disable=total < 4) as bar:
         made = _generated(dictionary, prompts, options, keyframes)
         told = [", then ".join(prompts)] if options.join else prompts
         for text, row, motions in zip(told, names, made, strict=True):
+            if not options.join:
+                _say_parts(text)
             what = {"text": text, **shared.say_reading(dictionary, text), "seed": options.seed}
             for variant, (name, motion) in enumerate(zip(row, motions, strict=True)):
                 seconds, files = round(motion.duration, 3), outputs.write(motion, name, text)
@@ -58,12 +63,42 @@ def _run(options: argparse.Namespace) -> None:
     shared.show(options, rows, [file for row in rows for file in row["files"]])
 
 
+def _say_parts(text: str) -> None:
+    """One line on standard error where a prompt tells of several motions, of which a system may make only one."""
+    from motionary.language import prompt_parts
+
+    if len(parts := prompt_parts(text)) > 1:
+        given = " ".join(f'"{part}"' for part in parts)
+        print(f"note: a part may be lost; several prompts make one motion of all: {given} --join", file=sys.stderr)
+
+
+def _check(
+    dictionary: Dictionary, prompts: Sequence[str], options: argparse.Namespace, keyframes: Mapping[float, Motion]
+) -> None:
+    """InputError for what is wrong with the options, before it is said which files are there."""
+    from motionary.corpus.encoding import frames_of
+    from motionary.dictionary.control import check_one
+    from motionary.dictionary.generating import each_length
+    from motionary.systems.registry import TEXT_TO_MOTION
+
+    check_one(options.loop, options.path, keyframes or None, options.join, len(prompts))
+    context = dictionary.opened(TEXT_TO_MOTION, options.system).context
+    for seconds in each_length(_seconds(options), len(prompts)) or ():
+        frames_of(seconds, context)
+    shared.check_style(dictionary, options)
+
+
+def _seconds(options: argparse.Namespace) -> float | list[float] | None:
+    """--seconds: one length, or one for each prompt."""
+    return options.seconds[0] if options.seconds and len(options.seconds) == 1 else options.seconds
+
+
 def _generated(
     dictionary: Dictionary, prompts: Sequence[str], options: argparse.Namespace, keyframes: Mapping[float, Motion]
 ) -> Iterator[list[Motion]]:
     """The variants of each prompt, in the style asked for; a chunk of prompts is generated together."""
     chosen = {key: value for key in ("temperature", "top_p") if (value := getattr(options, key)) is not None}
-    seconds = options.seconds[0] if options.seconds and len(options.seconds) == 1 else options.seconds
+    seconds = _seconds(options)
     constraints = {"join": options.join, "loop": options.loop, "path": options.path, "keyframes": keyframes or None}
     asked = (options.system, options.seed, options.feet)
     # Lengths one a prompt, and prompts that become one motion, belong together.

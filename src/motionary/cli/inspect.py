@@ -20,19 +20,18 @@ def _arguments(add: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     """Rate, rig, axes, unit, sides, sizes and evidence of each file."""
-    from motionary.files import writable
     from motionary.formats.inspection import as_lines, inspect_motion
 
-    if options.out is not None:
-        if not options.out.lower().endswith(".png"):
-            raise InputError("--out", options.out, "a picture's name must end in .png")
-        writable(options.out, options.force)
+    if options.out is not None and not options.out.lower().endswith(".png"):
+        raise InputError("--out", options.out, "a picture's name must end in .png")
     given = {"fps": options.source_fps, **shared.reading(options)}
     found = shared.each(options, {file: file for file in options.files}, lambda file: inspect_motion(file, **given))
     told = [row for row, _ in found.values()]
     if options.out is not None:
+        from motionary.files import writable
         from motionary.formats.render.video import render_strip
 
+        writable(options.out, options.force)
         titles = [f"{row['file']}: {row['stature'] or '?'} m, {row['seconds']:.1f} s" for row in told]
         render_strip([motion for _, motion in found.values()], options.out, titles, force=options.force)
     shared.show(options, told, [line for row in told for line in as_lines(row)])

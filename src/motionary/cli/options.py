@@ -8,7 +8,8 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from motionary.errors import InputError
 
@@ -35,6 +36,25 @@ def count(text: str) -> int:
 count.__name__ = "whole number"  # argparse names the type in its messages
 
 
+def above_zero(text: str) -> float:
+    """The type of an option: a number above 0."""
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a number above 0")
+    return value
+
+
+def _seed(text: str) -> int:
+    """The type of --seed: a whole number of at least 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{value}: must be a whole number, at least 0")
+    return value
+
+
+above_zero.__name__, _seed.__name__ = "number", "whole number"
+
+
 # The models that answer -------------------------------------------------------------------------------------------
 
 
@@ -47,7 +67,7 @@ def add_models(add: argparse.ArgumentParser) -> None:
 
 def add_seed(add: argparse.ArgumentParser) -> None:
     """--seed."""
-    add.add_argument("--seed", type=int, default=0, help="equal seeds repeat on one machine (0)")
+    add.add_argument("--seed", type=_seed, default=0, help="equal seeds repeat on one machine (0)")
 
 
 def add_system(add: argparse.ArgumentParser) -> None:
@@ -66,6 +86,15 @@ def open_models(options: argparse.Namespace) -> Dictionary:
     from motionary.dictionary import load
 
     return load(options.models, options.device)
+
+
+def check_style(dictionary: Dictionary, options: argparse.Namespace) -> None:
+    """InputError where --style is given and no model knows it."""
+    from motionary.dictionary.restyling import label_of
+    from motionary.systems.registry import STYLIZE
+
+    if options.style is not None:
+        label_of(dictionary.opened(STYLIZE), options.style)
 
 
 # Prompts ----------------------------------------------------------------------------------------------------------
@@ -90,16 +119,26 @@ def read_prompts(options: argparse.Namespace) -> list[str]:
         raise InputError("prompt", "none", "give one, or --file, or lines on standard input")
     where = "standard input" if file in (None, "-") else str(file)
     try:
-        with nullcontext(sys.stdin) if where == "standard input" else open(where, encoding="utf-8-sig") as lines:
+        with nullcontext(sys.stdin) if where == "standard input" else _opened(where) as lines:
             text = lines.read(_MOST_TEXT + 1)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(where, error, "must be a text file with one prompt a line") from None
+    except UnicodeDecodeError:
+        raise InputError(where, "not text", "must be a text file in UTF-8 with one prompt a line") from None
     if len(text) > _MOST_TEXT:
         raise InputError(where, "too long", f"prompts may have {_MOST_TEXT:,} letters in all")
     lines = [(number, line) for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), 1) if line.strip()]
     if not lines:
         raise InputError(where, "empty", "must hold one prompt a line, where none is given as an argument")
     return [check_prompt(line, f"{where}, line {number}") for number, line in lines]
+
+
+def _opened(file: str) -> TextIO:
+    """A file of prompts."""
+    from motionary.files import exists
+
+    path = Path(file)
+    if not exists(path) or path.is_dir():
+        raise InputError(file, "a folder" if path.is_dir() else "missing", "must be a text file with one prompt a line")
+    return open(path, encoding="utf-8-sig")
 
 
 def say_reading(dictionary: Dictionary, text: str) -> dict[str, Any]:

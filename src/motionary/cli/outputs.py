@@ -57,12 +57,11 @@ class Outputs:
     """Files of motions in each format asked for.
 
     Raises:
-        InputError: an unknown format, a rate out of range, a file that is no rig, or a name of `names` that cannot be
-            written: before anything is computed.
+        InputError: an unknown format, a rate out of range, a file that is no rig, or a folder that is none.
     """
 
-    def __init__(self, options: argparse.Namespace, names: Iterable[str]):
-        from motionary.files import writable
+    def __init__(self, options: argparse.Namespace):
+        from motionary.files import writable_folder
 
         self.folder, self.force, self.onto, self.fps = Path(options.out), options.force, options.onto, options.fps
         if self.fps is not None:
@@ -74,6 +73,13 @@ class Outputs:
             from motionary.formats.rig_files import read_rig
 
             read_rig(self.onto)
+        writable_folder(self.folder)
+
+    def claim(self, names: Iterable[str]) -> None:
+        """InputError for the first of these names that cannot be written, or is there without --force. Asked once all
+        options are known to be right, and before the first file is written."""
+        from motionary.files import writable
+
         for name in names:
             for extension in self.extensions:
                 writable(self.folder / f"{name}{extension}", self.force)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 
 from motionary.cli import options as shared
@@ -23,7 +25,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    """A line for each match: distance, name, seconds and first caption."""
+    """A line for each match: its prompt where there are several, distance, name, seconds and first caption."""
     prompts = shared.read_prompts(options)
     if options.archive is not None:
         return _archive(options, prompts)
@@ -37,12 +39,26 @@ def _run(options: argparse.Namespace) -> None:
         )
         for match in matches:
             said = match.captions[0] if match.captions else "-"
-            lines.append(f"{match.distance:.3f}\t{match.id}\t{match.start:.2f}-{match.end:.2f} s\t{said}")
+            seconds = f"{match.start:.2f}-{match.end:.2f} s"
+            lines.append(f"{_asked(text, prompts)}{match.distance:.3f}\t{match.id}\t{seconds}\t{said}")
+    _say_columns(options, "clip of the corpus")
     shared.show(options, rows, lines)
 
 
+def _asked(text: str, prompts: Sequence[str]) -> str:
+    """The first column, where there are several prompts."""
+    return f"{text}\t" if len(prompts) > 1 else ""
+
+
+def _say_columns(options: argparse.Namespace, name: str) -> None:
+    """What the columns are, on standard error, so that standard output has matches alone."""
+    if not options.json:
+        distance = "distance of motion and text (from 0 up, nearest first; compare those of one prompt)"
+        print(f"columns: {distance}, {name}, seconds of it, caption", file=sys.stderr)
+
+
 def _archive(options: argparse.Namespace, prompts: list[str]) -> None:
-    """A line for each moment: distance, file, seconds and caption."""
+    """A line for each moment: its prompt where there are several, distance, file, seconds and caption."""
     from motionary.archive import Archive
 
     archive = Archive(options.archive)
@@ -55,7 +71,9 @@ def _archive(options: argparse.Namespace, prompts: list[str]) -> None:
         for moment in moments:
             flags = f"\t({', '.join(moment.flags)})" if moment.flags else ""
             seconds = f"{moment.start:.2f}-{moment.end:.2f} s"
-            lines.append(f"{moment.distance:.3f}\t{moment.motion}\t{seconds}\t{moment.caption or '-'}{flags}")
+            said = f"{moment.distance:.3f}\t{moment.file}\t{seconds}\t{moment.caption or '-'}{flags}"
+            lines.append(f"{_asked(text, prompts)}{said}")
+    _say_columns(options, "file")
     shared.show(options, rows, lines)
 
 

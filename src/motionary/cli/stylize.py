@@ -33,11 +33,13 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.formats import read_motion
 
     names = _names(options)
-    outputs = Outputs(options, (name for row in names for name in row))
+    outputs = Outputs(options)
     motions, reference = shared.read_files(options), None
     if options.reference is not None:
         reference = read_motion(options.reference, fps=options.source_fps, **shared.reading(options))
     dictionary = shared.open_models(options)
+    shared.check_style(dictionary, options)
+    outputs.claim(name for row in names for name in row)
     keep = options.keep_rig and options.onto is None  # onto a third rig by way of the file's own would cost accuracy
     asked = (options.style, reference, options.n, options.seed, options.strength, keep, options.feet)
     found = shared.all_or_each(options, motions, lambda several: dictionary.stylize(several, *asked))

@@ -17,11 +17,11 @@ from motionary.corpus.clips import Caption, Clip
 from motionary.corpus.config import COVERING, RELEASED
 from motionary.corpus.released import RELEASES, HumanML3DSource
 from motionary.corpus.sources import source_of
-from motionary.corpus.splits import SPLITS, split_clips
+from motionary.corpus.splits import SPLITS, check_shares, split_clips
 from motionary.corpus.windows import Rule, Window
 from motionary.corpus.workers import Encoded, Recipe, encode_clip, in_order
 from motionary.corpus.writing import RunningStatistics, group_means
-from motionary.errors import InputError
+from motionary.errors import KEPT, InputError, check_whole
 from motionary.features import UNIT, HumanML3D
 from motionary.files import atomic_folder, save_array
 from motionary.language import mirror_text, tagged_tokens
@@ -66,20 +66,24 @@ def export_humanml3d(
         progress: show bars.
 
     Returns:
-        Counts: "motions" and "captions" (copies included), a number for each split, and "problems", a list of
-        InputError.
+        Counts: "clips", "motions" and "captions" (copies included), a number for each split, "split", by what they
+        were split ("given": by the folder itself), and "problems", a list of InputError.
 
     Raises:
         InputError: no usable clip, or a place that cannot be written.
     """
-    root, out = Path(root), _free(Path(root), Path(out), force)
+    root = Path(root)
+    check_shares("ratios", ratios)
+    check_whole("seed", seed, 0)
     source = source_of(root)
     clips, problems = source.clips()
     if not clips:
         hint = f"; the first problem: {problems[0]}" if problems else ""
         raise InputError(root, "no clip", f"must hold at least one usable clip{hint}")
-    splits = split_clips(clips, "given" if any(clip.split for clip in clips) else split, ratios, seed)
+    kind = "given" if any(clip.split for clip in clips) else split
+    splits = split_clips(clips, kind, ratios, seed)
     cut = RELEASED if isinstance(source, HumanML3DSource) else COVERING
+    out = _free(root, Path(out), force)
     recipe = Recipe(_SKELETON, "humanml3d", Rule(_FPS, *SECONDS, UNIT, cut, seed=seed), mirror)
     # Copies are made of training clips: here every split gets them, as in the release.
     encoded = in_order(encode_clip, [(clip, "train", recipe) for clip in clips], workers or os.cpu_count() or 1)
@@ -88,7 +92,7 @@ def export_humanml3d(
         bar = tqdm(encoded, "export", len(clips), unit="clip", disable=not progress)
         for clip, found in zip(clips, bar, strict=True):
             writing.add(found, splits[clip.id])
-        return writing.finish()
+        return {"clips": len(clips), "split": kind, **writing.finish()}
 
 
 def _free(root: Path, out: Path, force: bool) -> Path:
@@ -96,7 +100,7 @@ def _free(root: Path, out: Path, force: bool) -> Path:
     if root.resolve().is_relative_to(out.resolve()):
         raise InputError(out, "holds the motions", "must be another folder than the one that is read")
     if out.is_dir() and any(out.iterdir()) and not force:
-        raise InputError(out, "exists", "kept as it is; use force=True (--force) to replace it")
+        raise InputError(out, "exists", KEPT)
     return out
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -151,7 +152,22 @@ class FolderSource:
                 found.append(self._found(path))
             except InputError as problem:
                 problems.append(problem)
-        return found, problems
+        return self._one_format(found, problems), problems
+
+    def _one_format(self, found: Sequence[Clip], problems: list[InputError]) -> list[Clip]:
+        """One clip of files that differ by extension alone, the first by that; what is left out is one problem."""
+        taken: dict[Path, Clip] = {}
+        left: list[str] = []
+        for clip in found:
+            path = Path(clip.where)
+            if taken.setdefault(path.with_suffix(""), clip) is not clip:
+                left.append(path.suffix)
+        if left:
+            read = Counter(Path(clip.where).suffix for clip in taken.values())
+            told = [", ".join(f"{n} {suffix}" for suffix, n in counts.items()) for counts in (Counter(left), read)]
+            rule = f"left out: {told[0]}, which lie beside a file of the same name; read: {told[1]}"
+            problems.append(InputError(self.root, f"{len(left)} of {len(found)} files", rule))
+        return list(taken.values())
 
     def _found(self, path: Path) -> Clip:
         fps = self.fps if path.suffix.lower() in BARE_ARRAYS else None

@@ -72,7 +72,7 @@ class Generating(Blending):
                 raise InputError(name, options[name], f"unknown option; known: {', '.join(OPTIONS)}")
         generator: TextToMotion = self._open(TEXT_TO_MOTION, system)
         make = partial(self._made, generator, n=n, seed=seed, feet=feet, options=options)
-        lengths = _each(seconds, len(sentences))
+        lengths = each_length(seconds, len(sentences))
         if path is not None and lengths is None and not join:
             rows = [[_paced(make, text, k, path, generator.context) for k in range(n)] for text in sentences]
         else:
@@ -106,7 +106,7 @@ class Generating(Blending):
         return [motions[i : i + n] for i in range(0, len(motions), n)]
 
 
-def _each(seconds: Any, texts: int) -> list[float] | None:
+def each_length(seconds: Any, texts: int) -> list[float] | None:
     """One length for each text; None where the system decides."""
     if not isinstance(seconds, list | tuple):
         return None if seconds is None else [seconds] * texts

@@ -8,6 +8,7 @@ from motionary.language.frozen import PACKAGED, STATE_DIM, model_name, packaged_
 from motionary.language.lexicon import TAGS
 from motionary.language.meanings import Meanings
 from motionary.language.mirror import mirror_text
+from motionary.language.prompt_parts import prompt_parts
 from motionary.language.prompt_reading import PromptReading, read
 from motionary.language.states import TextStates
 from motionary.language.text import check_prompt
@@ -35,6 +36,7 @@ __all__ = [
     "mirror_text",
     "model_name",
     "packaged_model",
+    "prompt_parts",
     "read",
     "sentence_embeddings",
     "sentence_from_tokens",

@@ -11,7 +11,7 @@ from motionary.language.lexicon import lexicon
 from motionary.language.meanings import Meanings
 from motionary.language.spelling import is_english
 from motionary.language.synonyms import synonym
-from motionary.language.text import tokenize
+from motionary.language.text import tokenize, with_words
 from motionary.language.vocabulary import SPECIAL, UNKNOWN, Vocabulary
 
 FAR = 0.45  # from the nearest training caption: docs/bundle.md measures what people's captions have
@@ -39,6 +39,15 @@ _EMPTY = frozenset(
         *("himself", "herself", "themselves", "itself", "myself", "yourself", "which", "who", "what"),
     )
 )
+# Little words of German, French, Spanish, Italian, Portuguese and Dutch that are no English ones: where a corpus does
+# not know one, words beside it that look English are hardly meant so.
+_NOT_ENGLISH = frozenset(
+    (
+        *("der", "das", "dem", "ein", "eine", "einen", "einem", "einer", "und", "mit", "auf", "nach", "zum", "sich"),
+        *("une", "les", "des", "avec", "elle", "dans", "vers", "el", "los", "las", "una", "hacia", "gli", "della"),
+        *("uma", "het", "een", "naar"),
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -49,14 +58,16 @@ class PromptReading:
         sentence: the words that they read; ``<unknown>`` where nothing known comes near.
         replaced: words of the text that the training captions do not have -> the known word read in its place.
         unknown: words for which nothing stands.
-        distance: cosine distance to the nearest training caption by the packaged sentence model; None where the
-            captions are not at hand or nobody asked.
+        guessed: those of `replaced` that are read as what is nearest in meaning; the others are typos and synonyms.
+        distance: cosine distance of what is `compared` to the nearest training caption by the packaged sentence model;
+            None where the captions are not at hand or nobody asked.
         nearest: that caption.
     """
 
     sentence: Sentence
     replaced: Mapping[str, str] = field(default_factory=dict)
     unknown: tuple[str, ...] = ()
+    guessed: tuple[str, ...] = ()
     distance: float | None = None
     nearest: str | None = None
 
@@ -71,6 +82,23 @@ class PromptReading:
         return tuple(word for word in dict.fromkeys(tokenize(self.sentence.text)) if word in _NEGATIONS)
 
     @property
+    def compared(self) -> str:
+        """The text whose distance is measured: as written, but for typos and synonyms, which are read as they were
+        meant. Guesses stay as written, so that the distance tells how far from anything known they were made."""
+        return with_words(self.sentence.text, {o: n for o, n in self.replaced.items() if o not in self.guessed})
+
+    @property
+    def english(self) -> bool:
+        """Whether the text seems to be English: no little word of another language, and not mostly words that are not
+        known."""
+        if 2 * len(self.unknown) >= len(self.sentence.words) or not _NOT_ENGLISH.isdisjoint(
+            (*self.unknown, *self.replaced)
+        ):
+            return False
+        strange = [word for word in self.replaced if word in self.guessed or not is_english(word)]
+        return 2 * (len(strange) + len(self.unknown)) <= len(self.sentence.words)
+
+    @property
     def line(self) -> str:
         """What a reader should know of it, in one line; empty where the text is read as it stands."""
         far = self.distance is not None and self.distance > FAR
@@ -81,7 +109,7 @@ class PromptReading:
             parts.append("not known: " + ", ".join(f"{old} (nearest: {new})" for old, new in self.replaced.items()))
         if self.unknown:
             parts.append(f"without any meaning here: {', '.join(self.unknown)}")
-        if 2 * len(self.unknown) >= len(self.sentence.words):
+        if not self.english:
             parts.append("prompts are read in English")
         if self.negations:
             parts.append(f"say what is to happen, not what is not: systems hardly know {' '.join(self.negations)}")
@@ -98,7 +126,7 @@ class PromptReading:
 
     def measured(self, meanings: Meanings) -> PromptReading:
         """With its distance to the nearest training caption, where there are captions."""
-        distance, nearest = meanings.distance(self.sentence.text) or (None, None)
+        distance, nearest = meanings.distance(self.compared) or (None, None)
         return replace(self, distance=distance, nearest=nearest)
 
 
@@ -118,6 +146,7 @@ def read(sentence: Sentence, vocabulary: Vocabulary, meanings: Callable[[], Mean
     tags: list[str] = []
     replaced: dict[str, str] = {}
     unknown: list[str] = []
+    guessed: list[str] = []
     for old, new, tag in zip(sentence.words, vocabulary.correct(sentence).words, sentence.tags, strict=True):
         if new == SPECIAL[UNKNOWN]:
             common = _common(old, vocabulary)
@@ -125,6 +154,7 @@ def read(sentence: Sentence, vocabulary: Vocabulary, meanings: Callable[[], Mean
             if common is None:
                 replaced |= {old: new} if new else {}
                 unknown += [] if new else [old]
+                guessed += [old] if new and new != synonym(old, vocabulary.__contains__) else []
         elif new != old:
             replaced[old] = new
         if new != "":
@@ -133,7 +163,8 @@ def read(sentence: Sentence, vocabulary: Vocabulary, meanings: Callable[[], Mean
             tags.append(tag if new in (None, old) else lexicon().tag(new, tag, previous, default=tag))
     if not words:
         return PromptReading(Sentence(sentence.text, (SPECIAL[UNKNOWN],), ("OTHER",)), {}, sentence.words)
-    return PromptReading(Sentence(sentence.text, tuple(words), tuple(tags)), replaced, tuple(unknown))
+    told = Sentence(sentence.text, tuple(words), tuple(tags))
+    return PromptReading(told, replaced, tuple(unknown), tuple(guessed))
 
 
 def _common(word: str, vocabulary: Vocabulary) -> str | None:

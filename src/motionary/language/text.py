@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Mapping
 
 from motionary.errors import InputError
 
@@ -76,6 +77,13 @@ def check_prompt(text: object, what: str = "text") -> str:
     if not any(is_word(token) for token in tokenize(stripped)):
         raise InputError(what, stripped, "must contain a word")
     return stripped
+
+
+def with_words(text: str, words: Mapping[str, str]) -> str:
+    """The text with other words in the place of some, given as lemmas: their endings stay as they were written."""
+    for old, new in words.items():
+        text = re.sub(rf"\b{re.escape(old)}", new, text, flags=re.IGNORECASE)
+    return text
 
 
 def _fold_accents(text: str) -> str:

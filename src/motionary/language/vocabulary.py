@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from motionary.errors import InputError
 from motionary.language.annotate import Sentence
 from motionary.language.lexicon import TAG_IDS, lexicon, tag_ids
 from motionary.language.spelling import Speller
+from motionary.language.text import with_words
 
 PAD, START, END, UNKNOWN = range(4)
 SPECIAL = ("<pad>", "<start>", "<end>", "<unknown>")
@@ -120,12 +120,8 @@ class Vocabulary:
         corrected = self.correct(sentence)
         if not sentence.text:
             return corrected.normalized
-        text = sentence.text
-        for old, new in zip(sentence.words, corrected.words, strict=True):
-            if new not in (old, SPECIAL[UNKNOWN]):
-                # Words are lemmas: their endings stay as they were written.
-                text = re.sub(rf"\b{re.escape(old)}", new, text, count=1, flags=re.IGNORECASE)
-        return text
+        pairs = zip(sentence.words, corrected.words, strict=True)
+        return with_words(sentence.text, {old: new for old, new in pairs if new not in (old, SPECIAL[UNKNOWN])})
 
     @cached_property
     def speller(self) -> Speller:

@@ -13,7 +13,7 @@ from motionary.corpus.store import Corpus
 from motionary.dictionary import Dictionary, load
 from motionary.dictionary.folder import BEST, MANIFEST
 from motionary.dictionary.places import PACKAGED
-from motionary.errors import InputError
+from motionary.errors import KEPT, InputError
 from motionary.files import atomic_folder
 from motionary.pretrained.catalogue import catalogued, write_catalogue
 from motionary.pretrained.fixed_sample import FixedSample
@@ -68,7 +68,7 @@ def make_bundle(
     Raises:
         InputError: a system that is not there, no corpus, a folder that is no bundle in the way, or more than 25 MB.
     """
-    out, run = _free(Path(out), force), load(models)
+    run = load(models)
     corpus = Corpus.open(check_output(run.models.parent, "data/corpus"))
     if bits not in BITS:
         raise InputError("bits", bits, f"must be one of {', '.join(map(str, BITS))}")
@@ -78,7 +78,7 @@ def make_bundle(
     usual |= {} if generator is None else {TEXT_TO_MOTION: _able(run, generator)}
     judging = [name for name in judges() if name in run.systems and name not in left]
     names = systems_of(run, (*usual.values(), *judging, *also))
-    with atomic_folder(out) as folder:
+    with atomic_folder(_free(Path(out), force)) as folder:
         manifest = {"bits": bits, **_fill(folder, run, names, corpus, bits)}
         (folder / BEST).write_text(json.dumps(usual, indent=1) + "\n", encoding="utf-8")
         manifest = {"systems": list(names), "usual": usual, **manifest, "corpus": corpus.hash}
@@ -115,7 +115,7 @@ def _free(out: Path, force: bool) -> Path:
         if not (out / MANIFEST).is_file():
             raise InputError(out, "exists", "is no bundle; name another folder")
         if not force:
-            raise InputError(out, "exists", "kept as it is; use force=True (--force) to replace it")
+            raise InputError(out, "exists", KEPT)
     return out
 
 

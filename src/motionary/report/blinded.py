@@ -137,7 +137,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--texts", type=int, default=20, help="test texts that count (default 20)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--root", type=Path, default=Path(), help="the project, with models/ and data/corpus")
-    parser.add_argument("--out", type=Path, default=Path("blinded.html"))
+    out = Path("out/blinded.html")
+    parser.add_argument("--out", type=Path, default=out, help=f"the page (default {out})")
     options = parser.parse_args(arguments)
     return exit_code(lambda: _write(options))
 

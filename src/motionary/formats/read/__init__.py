@@ -77,6 +77,7 @@ def read_motion_with(
 ) -> tuple[Motion, Reading]:
     """`read_motion`, and how the file was read; it warns of nothing (see `Reading.notes`), and `mapping` may be the
     options."""
+    _check_file(Path(path))
     if (extension := Path(path).suffix.lower()) in _CONVERTED:
         raise InputError(path, extension, f"only {' '.join(READERS)} can be read; {_CONVERTED[extension]}")
     reader = function_of(path, READERS, "read")
@@ -94,6 +95,14 @@ def read_motion_with(
     if how.body is not None and "body" not in told:
         notes = (*notes, "the body model was left aside: only SMPL poses, as AMASS has them, are read on one")
     return motion, replace(reading, told=told, notes=notes)
+
+
+def _check_file(path: Path) -> None:
+    """InputError for a folder; it says how to read what lies there."""
+    if os.path.isdir(path):
+        suffix = next((name for name in READERS if any(path.glob(f"*{name}"))), next(iter(READERS)))
+        rule = f"must be a file; name those in it, as {path}/*{suffix}, or take all of them: motionary index {path}"
+        raise InputError(path, "a folder", rule)
 
 
 def _read(
