@@ -25,7 +25,9 @@ def caption_sources(corpus: Corpus, first: str = "best") -> tuple[str, ...]:
 
     Args:
         corpus: that holds the captions.
-        first: a source, or "best": that of people before others, then by weight (`data.source_weights`) and number.
+        first: a source, or "best": that of the most training captions, each counted by its weight
+            (`data.source_weights`), and of equal ones that of people. A wording that was learned of few motions has no
+            words for the others.
 
     Returns:
         their names, `first` first, the others from the most to the least frequent; none where there is only one.
@@ -41,7 +43,7 @@ def caption_sources(corpus: Corpus, first: str = "best") -> tuple[str, ...]:
     human, weight = captions.human[train][start], captions.weight[train][start]
     sources = [str(names[i]) for i in kept]
     if first == "best":
-        kept.sort(key=lambda i: (not human[i], -weight[i], -counts[i]))
+        kept.sort(key=lambda i: (-weight[i] * counts[i], not human[i]))
         first = next((str(names[i]) for i in kept), first)
     elif first not in sources:
         raise InputError("motion2text.source", first, f"must be best, none or one of {', '.join(sources)}")

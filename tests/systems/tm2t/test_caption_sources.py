@@ -41,12 +41,12 @@ def body(height: float, seed: int) -> np.ndarray:
 
 
 def built(folder, said=SAID, **config) -> Corpus:
-    """A corpus of twelve clips; every clip has one caption of each source."""
+    """A corpus of twelve clips; every clip has one caption of each source that has one for it."""
     (folder / "clips").mkdir(parents=True)
     lines = []
     for i in range(12):
         np.save(folder / f"clips/{i}.npy", body((0.6, 1.0, 1.4)[i % 3], i))
-        captions = [{"text": texts[i % 3], "source": source} for source, texts in said.items()]
+        captions = [{"text": texts[i % 3], "source": source} for source, texts in said.items() if texts[i % 3]]
         lines.append(json.dumps({"motion": f"clips/{i}.npy", "fps": 20, "captions": captions}))
     (folder / "clips.jsonl").write_text("\n".join(lines))
     values = {"source": "folder", "roots": [str(folder)], "workers": 1, "mirror": False, "ratios": [0.5, 0.25, 0.25]}
@@ -106,8 +106,12 @@ def test_a_dictionary_says_it_in_the_words_of_a_source(corpus, captioner, tmp_pa
         dictionary.caption(motion, source="novelists")
 
 
-def test_the_usual_source_is_of_people_then_the_heaviest_then_the_most_frequent(corpus, tmp_path):
+def test_the_usual_source_has_most_captions_by_weight_and_of_equal_ones_is_of_people(corpus, tmp_path):
     assert caption_sources(corpus) in (("index", "people"), ("people", "index"))  # alike in all
+    few = {"people": (*SAID["people"][:1], None, None), "class-template": SAID["people"]}
+    assert caption_sources(built(tmp_path / "few", few)) == ("class-template", "people")
+    heavy = built(tmp_path / "heavy", few, source_weights={"people": 9.0})
+    assert caption_sources(heavy) == ("people", "class-template")
     assert caption_sources(corpus, "index") == ("index", "people")
     with pytest.raises(InputError, match=r"motion2text\.source: nobody: must be best, none or one of"):
         caption_sources(corpus, "nobody")
