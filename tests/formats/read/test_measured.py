@@ -8,7 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
-from postures import POSTURES, SMPL, person, points, restless, written
+from postures import POSTURES, SMPL, person, points, restless, turn, written
 from turned import ONTO, RESTS, SCALES, Case, cases
 
 from motionary.errors import InputError, InputWarning
@@ -113,6 +113,25 @@ def test_a_rest_pose_before_a_quick_motion_is_left_out(tmp_path, up):
         assert (motion.fps, reading.skipped_first, motion.frames) == (10, left_out, 41 - left_out)
     kept, _ = read_motion_with(tmp_path / "a.bvh", skip_first=False)
     assert kept.frames == 41
+
+
+@pytest.mark.parametrize("rest", ["a", "x"])
+def test_a_t_pose_before_a_walk_of_a_rig_that_rests_otherwise_is_left_out(tmp_path, rest):
+    """Its joints are turned, so that only the pose tells: nobody stands so evenly. One that is less even is doubted."""
+    world, root = person("stands")
+    swing = quat_product(np.tile([0.3, 0, 0, 0.9539392], (40, 22, 1)), world)
+    world[::2, 16:] = swing[::2, 16:]
+    even = np.tile([0.0, 0, 0, 1], (1, 22, 1))
+    uneven = even.copy()
+    uneven[:, 16::2] = quat_product(turn(2, np.full((1, 3), 8.0)), uneven[:, 16::2])
+    for first, left_out in ((even, True), (uneven, False)):
+        text = written(np.concatenate([first, world]), np.concatenate([root[:1], root]), "y", rest)
+        (tmp_path / "a.bvh").write_text(text.replace("Frame Time: 0.05", "Frame Time: 0.1"))
+        motion, reading = read_motion_with(tmp_path / "a.bvh")
+        assert (reading.skipped_first, motion.frames) == (left_out, 41 - left_out)
+        assert any("may be a calibration pose" in note for note in reading.notes) != left_out
+        for skip in (True, False):  # what is said is not doubted
+            assert not any("calibration" in n for n in read_motion_with(tmp_path / "a.bvh", skip_first=skip)[1].notes)
 
 
 def test_a_unit_that_was_given_and_fits_nobody_is_said(tmp_path):
