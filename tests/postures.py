@@ -31,6 +31,8 @@ POSTURES = {
     "lies on the belly": (0.12, 90, 0, 0),
 }
 
+_BENDS = {"hip": 30, "knee": 25, "shoulder": 40, "elbow": 30, "pelvis": 10}  # degrees
+
 
 def person(posture: str, frames: int = 40) -> tuple[np.ndarray, np.ndarray]:
     """World rotations (T, 22, 4) and root (T, 3) of a person who moves the arms, y up, in metres."""
@@ -52,6 +54,22 @@ def person(posture: str, frames: int = 40) -> tuple[np.ndarray, np.ndarray]:
     for joint, parent in enumerate(SMPL.parents[1:], 1):
         local[:, joint] = quat_product(local[:, parent], local[:, joint])
     root = np.stack([0.3 + 0.002 * np.arange(frames), np.full(frames, height), 0.4 + 0 * swing], -1)
+    return local, root
+
+
+def restless(posture: str, rng: np.random.Generator, frames: int) -> tuple[np.ndarray, np.ndarray]:
+    """`person` whose limbs are bent further by chance, without regard to the floor, and move to and fro."""
+    world, root = person(posture, frames)
+    local, time = world.copy(), np.arange(frames) / 20
+    for joint, parent in enumerate(SMPL.parents[1:], 1):
+        local[:, joint] = quat_product(quat_conjugation(world[:, parent]), world[:, joint])
+    for joint, name in enumerate(SMPL.joints):
+        part = name.split("_")[-1]
+        size = _BENDS.get(part, 8) * rng.uniform(0, 1.3)
+        angle = size * (rng.normal() / 2 + rng.random() * np.sin(2 * np.pi * rng.uniform(0.2, 1.2) * time))
+        local[:, joint] = quat_product(local[:, joint], turn(0, np.abs(angle) if part == "knee" else angle))
+    for joint, parent in enumerate(SMPL.parents[1:], 1):
+        local[:, joint] = quat_product(local[:, parent], local[:, joint])
     return local, root
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.formats.animated_rig import Track, kept, stretches
+from motionary.formats.first_frame import DOUBT, is_calibration
 from motionary.formats.read.extent import FARTHEST
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
@@ -19,7 +20,6 @@ from motionary.motion.rotations import quat_action, quat_conjugation, quat_produ
 from motionary.motion.skeleton import NAMED
 from motionary.motion.tree import roles_by_tree
 
-_UNTURNED = 0.99999  # cosine of half an angle of half a degree
 _WRITTEN = 5e-4  # metres; where rotations miss a joint by more, a file gets that joint's translation too
 
 
@@ -59,7 +59,9 @@ def to_motion(
     for some in stretches(len(positions)):
         positions[some] = settled.points(positions[some].astype(np.float64))
         rotations[some] = settled.rotations(rotations[some].astype(np.float64))
-    skip = _starts_with_t_pose(roles, positions, rotations) if options.skip_first is None else options.skip_first
+    skip = is_calibration(roles, positions, rotations) if options.skip_first is None else options.skip_first
+    if skip is None:
+        reading = replace(reading, notes=(*reading.notes, DOUBT))
     if skip and len(positions) > 1:
         positions, rotations = positions[1:], rotations[1:]
         reading = replace(reading, skipped_first=True)
@@ -130,38 +132,6 @@ def _without_placement_nodes(track: Track) -> Track:
             break
         track = track.without_root()
     return track
-
-
-def _starts_with_t_pose(roles: Mapping[str, int], positions: np.ndarray, rotations: np.ndarray) -> bool:
-    """A calibration pose put before the motion, as in cgspeed's files.
-
-    The rule: in the first frame both upper arms and forearms lie within 25 degrees of the line through the shoulders
-    and both legs within 25 degrees of the vertical; and from it to the second frame the joints move, relative to the
-    root, 5 cm or more on average and at least five times as far as between later frames (95th percentile), or out of
-    the rig's own rest pose, in which no joint below the root is turned: nobody stands so exactly.
-    """
-    names = [f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hip", "ankle") for side in ("left", "right")]
-    if len(positions) < 3 or not set(names) <= roles.keys():
-        return False
-    first = {name: positions[0, roles[name]] for name in names}
-    across = first["left_shoulder"] - first["right_shoulder"]
-    bones = [("shoulder", "elbow", across), ("elbow", "wrist", across), ("hip", "ankle", np.array([0.0, -1.0, 0.0]))]
-    for begin, end, line in bones:
-        for side, sign in (("left", 1), ("right", 1 if begin == "hip" else -1)):
-            bone = first[f"{side}_{end}"] - first[f"{side}_{begin}"]
-            if bone @ line * sign < np.cos(np.radians(25)) * np.linalg.norm(bone) * np.linalg.norm(line):
-                return False
-    steps = np.concatenate(
-        [_steps(positions[max(some.start - 1, 0) : some.stop]) for some in stretches(len(positions))]
-    )
-    resting = [bool((np.abs(turns) > _UNTURNED).all()) for turns in rotations[:2, 1:, 3]]
-    return bool(steps[0] > 0.05 and (steps[0] > 5 * np.percentile(steps[1:], 95) or (resting[0] and not resting[1])))
-
-
-def _steps(positions: np.ndarray) -> np.ndarray:
-    """(T-1,) how far the joints move on average from each frame to the next, relative to the root."""
-    local = positions.astype(np.float64) - positions[:, :1]
-    return np.linalg.norm(np.diff(local, axis=0), axis=-1).mean(-1)
 
 
 @dataclass(frozen=True)

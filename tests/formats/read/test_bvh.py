@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import postures
 import pytest
+from turned import ONTO
 
 from motionary.errors import InputError
 from motionary.formats.measure import UNITS
@@ -13,6 +15,7 @@ from motionary.formats.read.bvh import bvh_with, read_bvh
 from motionary.formats.read.reading_options import ReadingOptions
 from motionary.formats.write.bvh_writer import write_bvh
 from motionary.motion import Motion, Skeleton
+from motionary.motion.rotations import quat_action
 
 CMU = 0.0254 / 0.45
 
@@ -96,6 +99,8 @@ def test_every_real_file_reads_in_metres_and_survives_writing(shared_data, tmp_p
         assert 0.7 < leg < 1.0, file
         high = motion.positions[:, roles["head"], 1] - motion.positions[:, roles["left_ankle"], 1]
         assert np.percentile(high, 75) > 1.1, file
+        feet = motion.positions[:, list(motion.skeleton.feet), 1].min(1)
+        assert -0.1 < np.percentile(feet, 5) < 0.3 or file.name.startswith("cc_03"), file  # those are on a slope
         dropped = file.name.startswith("cmu") or file.name.startswith("daz_salsa")
         assert motion.frames == int(re.search(r"Frames:\s*(\d+)", file.read_text()).group(1)) - dropped
         if i % 4:
@@ -126,6 +131,7 @@ def test_positions_agree_with_bvhio(shared_data, name):
     for frame in {0, motion.frames // 2, motion.frames - 1}:
         other.loadPose(frame)
         expected = np.array([list(joints[motion.skeleton.joints[i]].PositionWorld) for i in index]) * scale
+        expected[:, 1] += 1.05214226 if name == "cc_02_04" else 0  # its root's positions are meant from the OFFSET
         np.testing.assert_allclose(motion.positions[frame, index], expected, atol=1e-3)
 
 
@@ -200,6 +206,21 @@ def test_z_up_becomes_y_up(tmp_path):
         np.testing.assert_allclose(again.skeleton.offsets[1:], motion.skeleton.offsets[1:], atol=1e-4)
     raw = read_bvh(tmp_path / "a.bvh", up="y").positions
     np.testing.assert_allclose(raw, motion.positions @ swap.T, atol=1e-3)
+
+
+@pytest.mark.parametrize("posture", ["stands", "sits on the floor", "lies on the back"])
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_a_root_whose_positions_are_meant_from_its_offset(tmp_path, posture, up):
+    """What only with its OFFSET is on the ground is added to it; what is elsewhere either way is said."""
+    world, root = postures.person(posture)
+    height = postures.person("stands")[1][0, 1]
+    offset = " ".join(f"{x:.6f}" for x in quat_action(np.array(ONTO[up]), np.array([0, 100 * height, 0])))
+    for less, said, sunk in ((0, "", 0), (height, "added to it", 0), (2 * height, "without it", 2 * height)):
+        text = postures.written(world, root - [0, less, 0], up, "t")
+        (tmp_path / "a.bvh").write_text(re.sub(r"OFFSET \S+ \S+ \S+", f"OFFSET {offset}", text, count=1))
+        motion, reading = bvh_with(tmp_path / "a.bvh", ReadingOptions(up=up, unit="cm", mirror=False))
+        assert [said in note for note in reading.notes] == ([True] if said else [])
+        np.testing.assert_allclose(motion.positions[:, 0, 1], root[:, 1] - sunk, atol=1e-3)
 
 
 def test_lying_person_stays_lying(tmp_path):

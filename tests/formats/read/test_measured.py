@@ -8,7 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
-from postures import POSTURES, SMPL, person, points, written
+from postures import POSTURES, SMPL, person, points, restless, turn, written
 from turned import ONTO, RESTS, SCALES, Case, cases
 
 from motionary.errors import InputError, InputWarning
@@ -115,6 +115,25 @@ def test_a_rest_pose_before_a_quick_motion_is_left_out(tmp_path, up):
     assert kept.frames == 41
 
 
+@pytest.mark.parametrize("rest", ["a", "x"])
+def test_a_t_pose_before_a_walk_of_a_rig_that_rests_otherwise_is_left_out(tmp_path, rest):
+    """Its joints are turned, so that only the pose tells: nobody stands so evenly. One that is less even is doubted."""
+    world, root = person("stands")
+    swing = quat_product(np.tile([0.3, 0, 0, 0.9539392], (40, 22, 1)), world)
+    world[::2, 16:] = swing[::2, 16:]
+    even = np.tile([0.0, 0, 0, 1], (1, 22, 1))
+    uneven = even.copy()
+    uneven[:, 16::2] = quat_product(turn(2, np.full((1, 3), 8.0)), uneven[:, 16::2])
+    for first, left_out in ((even, True), (uneven, False)):
+        text = written(np.concatenate([first, world]), np.concatenate([root[:1], root]), "y", rest)
+        (tmp_path / "a.bvh").write_text(text.replace("Frame Time: 0.05", "Frame Time: 0.1"))
+        motion, reading = read_motion_with(tmp_path / "a.bvh")
+        assert (reading.skipped_first, motion.frames) == (left_out, 41 - left_out)
+        assert any("may be a calibration pose" in note for note in reading.notes) != left_out
+        for skip in (True, False):  # what is said is not doubted
+            assert not any("calibration" in n for n in read_motion_with(tmp_path / "a.bvh", skip_first=skip)[1].notes)
+
+
 def test_a_unit_that_was_given_and_fits_nobody_is_said(tmp_path):
     (tmp_path / "a.bvh").write_text(written(*person("stands"), "y", "t"))
     motion, reading = read_motion_with(tmp_path / "a.bvh", unit="m")
@@ -159,6 +178,39 @@ def test_people_moved_to_the_origin_are_upright_or_doubted(tmp_path, posture, re
         assert reading.up == up or any(note.startswith("up is uncertain") for note in reading.notes), reading
         if posture == "stands":
             np.testing.assert_allclose(motion.positions, points(world, root), atol=2e-3)
+
+
+def doubted(reading) -> bool:
+    return any(note.startswith("up is uncertain") for note in reading.notes)
+
+
+def test_limbs_through_the_floor_and_an_origin_off_the_ground_are_read_right_or_doubted(tmp_path):
+    """Made motion has both: heights over the origin then contradict the posture, or both say the same wrong thing."""
+    rng = np.random.default_rng(1)
+    silent = 0
+    for posture in POSTURES:
+        for _ in range(20):
+            body = points(*restless(posture, rng, int(rng.choice([10, 40]))))
+            body[..., 1] += 0.25 * rng.normal()
+            up = str(rng.choice(list(ONTO)))
+            np.save(tmp_path / "a.npy", quat_action(np.array(ONTO[up]), body))
+            _, reading = read_motion_with(tmp_path / "a.npy")
+            silent += reading.up != up and not doubted(reading)
+    assert silent <= 1
+
+
+@pytest.mark.parametrize("frames", [1, 20])
+def test_one_still_pose_is_doubted(tmp_path, frames):
+    """Who stands over the origin with y up may lie there with z up: nothing moves that would tell."""
+    body = np.repeat(points(*person("stands"))[:1], frames, axis=0)
+    body -= [body[..., 0].mean(), body[..., 1].min(), body[..., 2].mean()]
+    np.save(tmp_path / "a.npy", body)
+    with pytest.warns(InputWarning, match="up is uncertain: took y as up.*--up"):
+        motion = read_motion(tmp_path / "a.npy")
+    np.testing.assert_allclose(motion.positions, body, atol=1e-5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_motion(tmp_path / "a.npy", up="y")
 
 
 def test_points_that_are_no_body_are_left_and_said(tmp_path):

@@ -38,6 +38,20 @@ _TRAVEL = 1e-3
 # nothing of the ground. What is left is mostly posture, which tells standing people from lying ones half as surely.
 _ORIGIN, _POSTURE_ALONE = 0.02, 0.5
 _OVER_ORIGIN = ("ground at zero", "below the ground", "pelvis above zero", "starts at zero")
+# Kinds of evidence that may be all wrong: the origin may lie anywhere, who lies straight looks as if standing, and a
+# rest pose may have another axis up than the world. An axis that hangs on one of them alone is said to be uncertain.
+_POSTURE, _REST = ("head over feet", "shins upright", "arms hang"), ("rest pose stands along it",)
+_DECEIVED = 0.1  # how probable it is of each kind
+# A body of which no joint moves farther than this, in sizes, shows one posture in one place: who stands on the ground
+# may as well lie with another axis up, whatever both say together.
+_STILL = 0.05
+# All weights; and the same without what may deceive, the last for bodies that stay still.
+_ALL = np.array(
+    [
+        [0.0 if what in kind else weight for what, weight in _WEIGHTS.items()]
+        for kind in ((), _OVER_ORIGIN, _POSTURE + _REST, _REST, _OVER_ORIGIN + _POSTURE)
+    ]
+)
 # Gravity in sizes per second squared, for bodies of 1.15 to 1.5 m; what it may be out of the vertical; instants that
 # tell all. On 450 takes 29 have such instants, for the true axis alone. Landing pushes as hard, but no 0.1 s as evenly.
 _GRAVITY, _SIDEWAYS, _FLIGHT = (6.5, 8.5), 1.5, 3
@@ -53,9 +67,15 @@ def measure_up(body: BodyFrame, usual: dict[str, float] | None = None) -> Choice
     evidence = _evidence(body)
     if centred := np.linalg.norm(body["pelvis"][0]) < _ORIGIN:
         evidence |= dict.fromkeys(_OVER_ORIGIN, np.zeros(len(AXES)))
-    scores = np.array(list(_WEIGHTS.values())) @ np.stack([evidence[what] for what in _WEIGHTS])
-    scores *= _POSTURE_ALONE if centred else 1.0
-    return choose(list(AXES), scores.tolist(), USUAL if usual is None else usual)
+    trust = _POSTURE_ALONE if centred else 1.0
+    weights = _ALL if _still(body) else _ALL[:-1]
+    scores, *without = trust * weights @ np.stack([evidence[what] for what in _WEIGHTS])
+    return choose(list(AXES), scores, USUAL if usual is None else usual, without, _DECEIVED)
+
+
+def _still(body: BodyFrame) -> bool:
+    """Whether all joints stay where they are."""
+    return bool(np.ptp(body.places, axis=0).max() < _STILL)
 
 
 def _evidence(body: BodyFrame) -> dict[str, np.ndarray]:

@@ -21,6 +21,16 @@ from motionary.motion.rotations import euler_to_unitquat
 
 _DISPLACED = 0.25  # channels below the root shorter than this part of the OFFSET are no places of joints
 _SEVERAL = 3  # joints; one may be a pelvis that moves below a placement node
+_NEAR = 0.08  # of a body's extent: what lies so near to the ground is on it
+_LOOKS = 50  # frames that tell where the ground is
+_ROOT_ADDED = (
+    "the root's position channels put its feet on the ground only with its OFFSET: they were added to it "
+    "(say otherwise by an OFFSET of 0 in the file)"
+)
+_ROOT_UNSURE = (
+    "the root has an OFFSET, and position channels that say other places: these were taken as they are, without it "
+    "(say otherwise by adding the OFFSET to them in the file)"
+)
 _LONGEST_FRAME = 1 / SLOWEST_RATE  # s; slower than that is no recording of motion, but a rate in another unit
 
 
@@ -36,8 +46,8 @@ def bvh_with(
 
     Every joint stays, helpers and fingers too; end sites that have a length become joints named ``<parent>_end``.
     Position channels replace a joint's OFFSET, unless they are zero through the whole file or are displacements from
-    it. Rotations are the file's own; where a joint other than the root also moves, positions are true and rotations
-    alone do not reproduce them.
+    it; the root's are added to its OFFSET where only that puts it on the ground. Rotations are the file's own; where a
+    joint other than the root also moves, positions are true and rotations alone do not reproduce them.
 
     Args:
         path: the file.
@@ -102,7 +112,31 @@ def track_of(raw: RawBVH) -> Track:
             moved[joint] += offsets[joint]
         raw.notes.append("position channels below the root are far shorter than the bones; they were added to OFFSET")
     parents = tuple(new[node.parent] for node in nodes)
-    return Track(unique_names([node.name for node in nodes]), parents, rotations[:frames], offsets, moved)
+    track = Track(unique_names([node.name for node in nodes]), parents, rotations[:frames], offsets, moved)
+    places_root = sum(kind == "position" for kind, _ in nodes[0].channels) == 3
+    if places_root and (added := _root_added(track)) is not False:
+        raw.notes.append(_ROOT_ADDED if added else _ROOT_UNSURE)
+        moved[0] += offsets[0] if added else 0
+    return track
+
+
+def _root_added(track: Track) -> bool | None:
+    """Whether the root's position channels say how far it is from its OFFSET; None where that cannot be told.
+
+    By the format they say where it is, and some programs add them. An OFFSET is mostly where the root stands over the
+    ground: the lowest joints lie at zero along it if it is added, and far below if it is not.
+    """
+    offset = track.offsets[0]
+    if not offset.any() or not np.isfinite(height := float(np.linalg.norm(offset))):
+        return False
+    some = np.unique(np.linspace(0, len(track.rotations) - 1, _LOOKS).astype(int))
+    moves = {joint: places[some] for joint, places in track.moves.items()}
+    points = replace(track, rotations=track.rotations[some], moves=moves).place()
+    near = _NEAR * float(np.median(np.ptp(points, axis=1).max(-1)))
+    ground = float(np.median((points @ (offset / height)).min(axis=1)))
+    if height <= near or np.linalg.norm(moves[0][0] - offset) <= near or abs(ground) <= near:
+        return False
+    return True if abs(ground + height) <= near else None
 
 
 def _displaced(moved: dict[int, np.ndarray], offsets: np.ndarray) -> list[int]:
