@@ -60,7 +60,7 @@ def parse(file: BinaryIO, name: object, told: Told = lambda count: None) -> RawB
     Raises:
         InputError: names the file, the line and the rule that it breaks; of its numbers, as they are read.
     """
-    end = text_end(file)
+    end = text_end(file, name)
     head = head_of(file, end)
     told(len(head))
     lines = decoded(head).splitlines()

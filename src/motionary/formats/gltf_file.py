@@ -293,12 +293,13 @@ class GltfFile:
         buffers = self.entries("buffers")
         at = self.index(index, len(buffers), f"{what}, buffer")
         if at not in self._buffers:
-            uri = buffers[at].get("uri")
-            self._buffers[at] = self.data if uri is None else self._loaded(uri, f"buffer {at}")
+            given = buffers[at].get("uri") is not None
+            self._buffers[at] = self._loaded(buffers[at], f"buffer {at}") if given else self.data
         return self._buffers[at]
 
-    def _loaded(self, uri: object, what: str) -> bytes:
-        """A buffer written into the JSON, or a file beside it."""
+    def _loaded(self, buffer: dict[str, Any], what: str) -> bytes:
+        """A buffer written into the JSON, or as many bytes as it says of a file beside it, which may hold more."""
+        uri = buffer["uri"]
         if not isinstance(uri, str):
             raise self.wrong(f"{what}, uri", uri, "must be text")
         if uri.startswith("data:"):
@@ -314,4 +315,6 @@ class GltfFile:
             here = False
         if ":" in uri or not here:
             raise self.wrong(f"{what}, uri", uri, "must be a file in the folder of the .gltf")
-        return readable(file).read_bytes()
+        length = self._count(buffer, "byteLength", what)
+        with readable(file).open("rb") as data:
+            return data.read(min(length, file.stat().st_size))

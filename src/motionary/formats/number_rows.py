@@ -11,9 +11,12 @@ from typing import BinaryIO
 
 import numpy as np
 
+from motionary.errors import InputError
+
 PIECE = 1 << 21  # bytes
 SLOW = 1.0  # s after which a bar is shown
 _ENDS = b" \t\r\n\x00\x1a"  # what may stand after the last number: DOS marks the end of a text with 0x1A
+_MOST_FILLING = 1 << 26  # bytes after the last number
 _SPACES = (b"\n", b"\r", b" ", b"\t")
 
 Told = Callable[[int], object]  # is told of bytes that were read
@@ -41,10 +44,16 @@ def reading_bar(file: BinaryIO, path: str | os.PathLike, shown: bool | None) -> 
         yield bar.update
 
 
-def text_end(file: BinaryIO) -> int:
-    """Bytes up to the last that is neither white space nor filling."""
-    at = file.seek(0, 2)
+def text_end(file: BinaryIO, name: object) -> int:
+    """Bytes up to the last that is neither white space nor filling.
+
+    Raises:
+        InputError: there is more of these than any program writes, as in a file with a hole of gigabytes.
+    """
+    at = size = file.seek(0, 2)
     while at > 0:
+        if size - at > _MOST_FILLING:
+            raise InputError(name, f"{_MOST_FILLING:,} bytes of filling", "must end with its text (is it damaged?)")
         start = max(at - PIECE, 0)
         file.seek(start)
         if tail := file.read(at - start).rstrip(_ENDS):

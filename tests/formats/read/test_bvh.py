@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 
 import numpy as np
@@ -308,6 +309,15 @@ def test_more_frames_than_said_are_read_and_said(tmp_path):
     assert any("says 1, the file holds 2" in note for note in reading.notes)
     path.write_text(SMALL.replace("Frames: 2", "Frames: 1") + "1 2 3\n")
     with pytest.raises(InputError, match="frame 3 must hold 9"):
+        read_bvh(path)
+
+
+def test_a_hole_of_gigabytes_after_the_text_is_refused_at_once(tmp_path):
+    path = tmp_path / "hole.bvh"
+    path.write_bytes(SMALL.encode() + b"\0" * 5000)
+    assert read_bvh(path).frames == 2
+    os.truncate(path, 1 << 40)
+    with pytest.raises(InputError, match="filling"):
         read_bvh(path)
 
 
