@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from motionary.formats.gltf_file import packed
+from motionary.formats.gltf_container import packed
 from motionary.motion.rotations import (
     quat_action,
     quat_conjugation,

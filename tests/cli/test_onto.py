@@ -10,7 +10,7 @@ from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
 from motionary.corpus.demo import demo_clips
 from motionary.formats import read_motion
-from motionary.formats.gltf_file import chunks, packed
+from motionary.formats.gltf_container import chunks, packed
 from motionary.motion import Skeleton, fit_rotations, retarget
 
 

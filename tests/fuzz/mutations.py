@@ -14,7 +14,7 @@ from acclaim_files import HEADER
 from c3d_files import c3d_bytes
 
 from motionary.formats import write_motion
-from motionary.formats.gltf_file import chunks, packed
+from motionary.formats.gltf_container import chunks, packed
 from motionary.motion import Motion, Skeleton
 
 NUMBERS = ("nan", "inf", "-1e308", "1e400", "1e30", "1e-320", "9" * 400, "0", "-1", "", "0x10", "1_0", "\u00b2", "1,5")

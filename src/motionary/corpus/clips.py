@@ -11,11 +11,11 @@ from typing import Any, Protocol
 
 from motionary.corpus.checks import check_home, check_unicode, unforeseen
 from motionary.errors import InputError, shortened
-from motionary.files import decoded, text_stream
 from motionary.formats.read.reading_options import Reading, ReadingOptions, nearest_key
 from motionary.motion import Motion
 from motionary.motion.motion import SLOWEST_RATE
 from motionary.motion.roles import READING_KEYS
+from motionary.text_files import decoded, text_stream
 
 MOTION_FILES = (".bvh", ".npy", ".npz", ".amc", ".glb", ".gltf", ".c3d")
 BARE_ARRAYS = (".npy",)

@@ -12,9 +12,10 @@ from typing import Any
 
 from motionary.corpus.checks import check_home, check_unicode
 from motionary.errors import InputError
-from motionary.files import decoded, text_stream, write_bytes
+from motionary.files import write_bytes
 from motionary.formats.bvh_text import head_of
 from motionary.formats.read.numpy_files import npy_shape
+from motionary.text_files import decoded, text_stream
 
 _COARSE = 2 * 10**9  # ns
 

@@ -9,10 +9,10 @@ from typing import BinaryIO
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import decoded
 from motionary.formats.number_rows import Told, number_rows, numbers_of, text_end, text_lines
 from motionary.formats.read.extent import FARTHEST, check_extent
 from motionary.motion.skeleton import MOST_JOINTS
+from motionary.text_files import decoded
 
 CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
 _COUNTS = tuple("0123456")

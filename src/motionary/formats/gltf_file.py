@@ -7,83 +7,25 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 import os
-import struct
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
 from motionary.errors import InputError, is_real
 from motionary.files import readable
+from motionary.formats.gltf_container import RULE, chunks, parsed
 from motionary.motion.rotations import rotmat_to_unitquat
 from motionary.motion.skeleton import MOST_JOINTS
 
-JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
 GENERATOR = "motionary"  # the generator that our own files name
-_RULE = "must be a glTF 2.0 file"
-_HEAD, _MOST_CHUNKS = 12, 16  # bytes; a document, its buffer, and what extensions add
 _MOST_NODES = 20_000
-_LONGEST_TEXT = 1 << 28  # bytes; its objects take twenty times as many
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-
-
-def chunks(path: Path) -> tuple[dict[str, Any], bytes]:
-    """JSON and binary buffer of a .glb file.
-
-    Raises:
-        InputError: another format, truncated, or JSON that is none.
-    """
-    rule = "must be a glTF 2.0 binary file"
-    document, data, at, count = None, b"", _HEAD, 0
-    with path.open("rb") as file:
-        head = file.read(_HEAD)
-        if head[:4] != b"glTF" or len(head) < _HEAD:
-            raise InputError(path, head[:4], rule)
-        (told,) = struct.unpack_from("<I", head, 8)  # what follows is none of it
-        if told > path.stat().st_size:
-            raise InputError(path, "truncated", rule)
-        while at + 8 <= told:
-            if (count := count + 1) > _MOST_CHUNKS:
-                raise InputError(path, f"more than {_MOST_CHUNKS} chunks", rule)
-            file.seek(at)
-            length, kind = struct.unpack("<I4s", file.read(8))
-            if (at := at + 8 + length) > told:
-                raise InputError(path, "truncated", rule)
-            if kind == JSON_CHUNK and document is None:
-                document = _parsed(path, file, length)
-            elif kind == BIN_CHUNK:
-                data = file.read(length)
-    if document is None:
-        raise InputError(path, "no JSON", rule)
-    return document, data
-
-
-def packed(document: dict[str, Any], data: bytes) -> bytes:
-    """The contents of a .glb file with this JSON and binary buffer."""
-    text = json.dumps(document, separators=(",", ":")).encode()
-    parts = ((JSON_CHUNK, text + b" " * (-len(text) % 4)), (BIN_CHUNK, data + b"\0" * (-len(data) % 4)))
-    body = b"".join(struct.pack("<I", len(part)) + kind + part for kind, part in parts)
-    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
-
-
-def _parsed(path: Path, file: BinaryIO, length: int) -> dict[str, Any]:
-    """The JSON in the next `length` bytes of an open file."""
-    if length > _LONGEST_TEXT:
-        rule = f"must be at most {_LONGEST_TEXT:,}: leave buffers and images out of the text"
-        raise InputError(path, f"{length:,} bytes of JSON", rule)
-    try:
-        document = json.loads(file.read(length).decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(path, error, _RULE) from None
-    if not isinstance(document, dict):
-        raise InputError(path, type(document).__name__, _RULE)
-    return document
 
 
 @dataclass(frozen=True)
@@ -130,11 +72,11 @@ class GltfFile:
         with path.open("rb") as file:
             binary = file.read(4) == b"glTF"
             file.seek(0)
-            document, data = chunks(path) if binary else (_parsed(path, file, path.stat().st_size), b"")
+            document, data = chunks(path) if binary else (parsed(path, file, path.stat().st_size), b"")
         asset = document.get("asset")
         version = asset.get("version") if isinstance(asset, dict) else None
         if not str(version).startswith("2."):
-            raise InputError(path, f"version {version}", _RULE)
+            raise InputError(path, f"version {version}", RULE)
         return GltfFile(path, document, data)
 
     @property

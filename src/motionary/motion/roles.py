@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import read_text, readable
+from motionary.files import readable
 from motionary.motion.rigs import CENTRAL, REQUIRED, ROLES, SIDES, find_roles
 from motionary.motion.tree import common_ancestor, roles_by_tree
+from motionary.text_files import read_text
 
 # Keys that a mapping file may hold beside roles: how its motions are to be read.
 READING_KEYS = ("up", "unit", "mirror", "skip_first", "body")

@@ -13,7 +13,7 @@ from gltf_made import Made, character
 from motionary.cli import main
 from motionary.errors import InputError, InputWarning
 from motionary.formats import read_motion, write_motion
-from motionary.formats.gltf_file import chunks, packed
+from motionary.formats.gltf_container import chunks, packed
 from motionary.formats.read import read_motion_with
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rotations import quat_action, rotvec_to_unitquat

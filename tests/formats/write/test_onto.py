@@ -13,7 +13,7 @@ import pytest
 from motionary.errors import InputError
 from motionary.formats import read_motion, write_motion
 from motionary.formats.bvh_text import parse
-from motionary.formats.gltf_file import chunks, packed
+from motionary.formats.gltf_container import chunks, packed
 from motionary.formats.read.smpl import SMPL_OFFSETS, SMPL_ROOT
 from motionary.formats.write.glb_rig import Character
 from motionary.motion import Motion, Skeleton

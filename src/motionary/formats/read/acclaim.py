@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import decoded, read_text, readable, text_stream
+from motionary.files import readable
 from motionary.formats.animated_rig import Track, stretches
 from motionary.formats.number_rows import Told, reading_bar, text_lines
 from motionary.formats.read.asf import MOVES, TURNS, AcclaimRig, parse_asf
@@ -25,6 +25,7 @@ from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.tracks import to_motion
 from motionary.motion import Motion
 from motionary.motion.rotations import euler_to_unitquat, quat_conjugation, quat_product
+from motionary.text_files import decoded, read_text, text_stream
 
 _CMU_FPS = 120.0  # AMC files state no rate
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.files import text_stream
 from motionary.formats.animated_rig import Track, unique_names
 from motionary.formats.bvh_text import Node, RawBVH, parse
 from motionary.formats.number_rows import reading_bar
@@ -18,6 +17,7 @@ from motionary.formats.tracks import to_motion
 from motionary.motion import Motion
 from motionary.motion.motion import FASTEST_RATE, SLOWEST_RATE
 from motionary.motion.rotations import euler_to_unitquat
+from motionary.text_files import text_stream
 
 _DISPLACED = 0.25  # channels below the root shorter than this part of the OFFSET are no places of joints
 _SEVERAL = 3  # joints; one may be a pelvis that moves below a placement node

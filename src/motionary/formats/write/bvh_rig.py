@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motionary.files import text_stream, write_bytes
+from motionary.files import write_bytes
 from motionary.formats.animated_rig import Track
 from motionary.formats.bvh_text import Node, parse, render
 from motionary.formats.dispatch import DAMAGED_RIG, about, foreseen
@@ -15,6 +15,7 @@ from motionary.formats.read.bvh import read_bvh, track_of
 from motionary.motion import Motion
 from motionary.motion.rigging import Rig, to_rig
 from motionary.motion.rotations import rotmat_to_unitquat, unitquat_to_euler, unitquat_to_rotmat
+from motionary.text_files import text_stream
 
 
 def write_bvh_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathLike, force: bool = True) -> Path:

@@ -14,7 +14,8 @@ from motionary.errors import InputError
 from motionary.files import write_bytes
 from motionary.formats.animated_rig import unique_names
 from motionary.formats.dispatch import DAMAGED_RIG, about, foreseen
-from motionary.formats.gltf_file import GENERATOR, GltfFile, GltfNode, packed
+from motionary.formats.gltf_container import packed
+from motionary.formats.gltf_file import GENERATOR, GltfFile, GltfNode
 from motionary.motion import Motion, Skeleton
 from motionary.motion.motion import FARTHEST
 from motionary.motion.rigging import Rig, to_rig
