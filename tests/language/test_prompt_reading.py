@@ -8,6 +8,7 @@ import pytest
 from motionary.language import Meanings, Vocabulary, annotate, packaged_model, read, sentence_embeddings
 from motionary.language.frozen import _LONGEST, _transformer
 from motionary.language.minilm import minilm
+from motionary.language.text import with_words
 
 CAPTIONS = [
     "a person walks forward and stops", "a person sprints across the room", "somebody throws a ball",
@@ -162,3 +163,17 @@ def test_the_packaged_model_computes_what_transformers_computes():
     ours, kept = minilm(packaged_model(), _LONGEST)(texts)
     assert bool((mask == kept).all())
     assert float(((ours - theirs) * mask[..., None]).abs().max()) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "expected"),
+    [
+        ("he wolks and wolks", {"wolk": "walk"}, "he walks and walks"),
+        ("Strolled, then trotted", {"stroll": "walk", "trot": "run"}, "walked, then runted"),  # endings stay
+        ("a hop and a skip", {"hop": "skip", "skip": "hop"}, "a skip and a hop"),  # none is replaced again
+        ("the sofabed", {"sofa": "chair", "sofabed": "bed"}, "the bed"),
+        ("as it is", {}, "as it is"),
+    ],
+)
+def test_words_are_replaced_once_wherever_they_stand(text, words, expected):
+    assert with_words(text, words) == expected

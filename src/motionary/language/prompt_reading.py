@@ -91,12 +91,10 @@ class PromptReading:
     def english(self) -> bool:
         """Whether the text seems to be English: no little word of another language, and not mostly words that are not
         known."""
-        if 2 * len(self.unknown) >= len(self.sentence.words) or not _NOT_ENGLISH.isdisjoint(
-            (*self.unknown, *self.replaced)
-        ):
-            return False
-        strange = [word for word in self.replaced if word in self.guessed or not is_english(word)]
-        return 2 * (len(strange) + len(self.unknown)) <= len(self.sentence.words)
+        words, unknown = len(self.sentence.words), len(self.unknown)
+        strange = sum(word in self.guessed or not is_english(word) for word in self.replaced)
+        known = 2 * unknown < words and 2 * (unknown + strange) <= words
+        return known and _NOT_ENGLISH.isdisjoint((*self.unknown, *self.replaced))
 
     @property
     def line(self) -> str:

@@ -81,9 +81,10 @@ def check_prompt(text: object, what: str = "text") -> str:
 
 def with_words(text: str, words: Mapping[str, str]) -> str:
     """The text with other words in the place of some, given as lemmas: their endings stay as they were written."""
-    for old, new in words.items():
-        text = re.sub(rf"\b{re.escape(old)}", new, text, flags=re.IGNORECASE)
-    return text
+    if not words:
+        return text
+    olds = "|".join(map(re.escape, sorted(words, key=len, reverse=True)))  # the longest that fits
+    return re.sub(rf"\b({olds})", lambda found: words.get(found[0].lower(), found[0]), text, flags=re.IGNORECASE)
 
 
 def _fold_accents(text: str) -> str:

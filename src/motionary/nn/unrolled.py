@@ -27,7 +27,7 @@ class _Lent(torch.autograd.Function):
         """The weight in its type `kind`."""
         ctx.set_materialize_grads(False)
         ctx.pairs, ctx.kind = pairs, weight.dtype
-        return weight.to(kind, copy=True)
+        return weight.view_as(weight) if weight.dtype == kind else weight.to(kind)
 
     @staticmethod
     def backward(ctx: Any, *_: Tensor | None) -> tuple[Tensor | None, None, None]:
@@ -75,19 +75,15 @@ class Shared:
 class StepLinear(nn.Linear):
     """A linear layer that takes part in :func:`unrolling`."""
 
-    shared: Shared | None = None
+    shared: tuple[Shared, ...] | None = None
 
     def forward(self, x: Tensor) -> Tensor:  # type: ignore[override]
         """(R, d) -> (R, o)."""
-        return super().forward(x) if self.shared is None else self.shared(x)
+        return super().forward(x) if self.shared is None else self.shared[0](x)
 
-    def share(self) -> None:
-        """From here on the weight is that of all steps."""
-        self.shared = Shared(self.weight, self.bias)
-
-    def keep(self) -> None:
-        """Ends what `share` began."""
-        self.shared = None
+    def for_all_steps(self) -> tuple[Shared, ...]:
+        """What `shared` holds while it is unrolled."""
+        return (Shared(self.weight, self.bias),)
 
 
 class StepCell(nn.GRUCell):
@@ -96,7 +92,7 @@ class StepCell(nn.GRUCell):
     Under autocast its products are narrow and its state is not: what is added to it at each of many steps is small.
     """
 
-    shared: tuple[Shared, Shared] | None = None
+    shared: tuple[Shared, ...] | None = None
 
     def forward(self, x: Tensor, hidden: Tensor) -> Tensor:  # type: ignore[override]
         """One step: inputs (R, d), state (R, h) -> state (R, h)."""
@@ -107,13 +103,9 @@ class StepCell(nn.GRUCell):
         given = F.linear(x, self.weight_ih, self.bias_ih)
         return gated(widened(given), widened(F.linear(hidden, self.weight_hh, self.bias_hh)), widened(hidden))
 
-    def share(self) -> None:
-        """From here on the weights are those of all steps."""
-        self.shared = (Shared(self.weight_ih, self.bias_ih), Shared(self.weight_hh, self.bias_hh))
-
-    def keep(self) -> None:
-        """Ends what `share` began."""
-        self.shared = None
+    def for_all_steps(self) -> tuple[Shared, ...]:
+        """What `shared` holds while it is unrolled: of the input, and of the state."""
+        return Shared(self.weight_ih, self.bias_ih), Shared(self.weight_hh, self.bias_hh)
 
 
 def gated(given: Tensor, held: Tensor, hidden: Tensor) -> Tensor:
@@ -128,15 +120,13 @@ def gated(given: Tensor, held: Tensor, hidden: Tensor) -> Tensor:
 def unrolling(module: nn.Module) -> Iterator[None]:
     """While it lasts, the :class:`StepLinear` and :class:`StepCell` inside `module` share their weights' gradients."""
     steps = [part for part in module.modules() if isinstance(part, StepLinear | StepCell)]
-    if not torch.is_grad_enabled():
-        steps = []
-    for part in steps:
-        part.share()
     try:
+        for part in steps if torch.is_grad_enabled() else ():
+            part.shared = part.for_all_steps()
         yield
     finally:
         for part in steps:
-            part.keep()
+            part.shared = None
 
 
 def scan(unit: nn.GRU, x: Tensor, lengths: Tensor, suffix: str) -> Tensor:

@@ -13,6 +13,13 @@ import threading
 GRACE = 60.0  # seconds for an interrupted stage to end by itself
 
 
+def start(command: list[str], folder: os.PathLike, environment: dict[str, str]) -> subprocess.Popen:
+    """Starts a guarded command: its session ends once the process's standard input is closed, as it is with us."""
+    # A session of its own: DVC does not pass an interrupt on, so that all of a stage's processes must be reached.
+    guarded = [sys.executable, "-I", __file__, *command]
+    return subprocess.Popen(guarded, cwd=folder, env=environment, stdin=subprocess.PIPE, start_new_session=True)
+
+
 def watch(ended: threading.Event) -> None:
     """Stops the session once standard input ends."""
     os.read(0, 1)

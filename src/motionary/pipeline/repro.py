@@ -132,12 +132,7 @@ class Runner:
         if sys.stderr.isatty():
             environment["TQDM_POSITION"] = str(slot)  # a line of its own for each progress bar
         command = [sys.executable, "-m", "dvc", "--wait-for-lock", "repro", "--single-item", stage]
-        # A session of its own: DVC does not pass an interrupt on, so that all of a stage's processes must be reached.
-        # Its guard ends it where this process is killed, which the pipe tells.
-        guarded = [sys.executable, "-I", guard.__file__, *command]
-        started = subprocess.Popen(
-            guarded, cwd=self.root, env=environment, stdin=subprocess.PIPE, start_new_session=True
-        )
+        started = guard.start(command, self.root, environment)
         self.processes.append(started)
         return started
 

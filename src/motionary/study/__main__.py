@@ -79,14 +79,7 @@ def run_experiment(root: Path, experiment: Experiment) -> bool:
 
 def guarded(command: Sequence[str], root: Path, environment: Mapping[str, str]) -> int:
     """Exit code of a command whose processes end with this one, however it ends."""
-    # DVC does not pass a signal on to the stage that it runs; see the guard.
-    process = subprocess.Popen(
-        [sys.executable, "-I", guard.__file__, *command],
-        cwd=root,
-        env=dict(environment),
-        stdin=subprocess.PIPE,
-        start_new_session=True,
-    )
+    process = guard.start(list(command), root, dict(environment))
     assert process.stdin is not None
     try:
         return process.wait()
