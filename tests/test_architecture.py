@@ -33,7 +33,7 @@ STANDS_ON = {
     "cli": ("dictionary", "archive", "app", "pretrained", ""),
     "": ("dictionary", "formats", "motion"),
 }
-SERVE_ALL = {"errors", "files", "lazy", "whole"}
+SERVE_ALL = {"errors", "files", "text_files", "lazy", "whole"}
 LEAVES = {"bench"}  # nothing imports it, and it measures everything
 ALLOWED = {
     ("motionary.metrics.captions", "motionary.language.frozen"),  # BERTScore's model, unless another is given
