@@ -20,6 +20,8 @@ def main(config):
         corpus, states = Corpus.open(stage.input("data/corpus")), TextStates()
         model, settings = build(stage, corpus.context), stage.training()
         tokens = TokenStore.load(stage.input("models/residual_tokenizer"))
+        if model.bank is not None:
+            model.bank.take(corpus, tokens, states)
         draws = {"random": stage.data["every_caption"], "drop_unit": stage.data["drop_unit"]}
         data = Described(Pairs(corpus, "train", tokens, motion=False, **draws), states)
         held = Pairs(corpus, "val", tokens, all_captions=True, motion=False)

@@ -19,6 +19,7 @@ from motionary.corpus.batch import SentenceBatch, TokenBatch
 from motionary.corpus.context import Context
 from motionary.errors import DEEPEST, WIDEST, InputError, check_range, check_share, check_values
 from motionary.nn.layers import hide_words, length_mask
+from motionary.systems.masked.examples import POOL, ExampleBank, Examples
 from motionary.systems.masked.flow_detail import FlowDetail
 from motionary.systems.masked.masked_networks import BasePlan, Memory, ResidualDetail, Text, TextReader, TokenReader
 from motionary.systems.masked.masking import corrupted, training_mask
@@ -28,7 +29,9 @@ DETAILS = ("residual", "flow")
 
 
 class MaskedBatch(TokenBatch, SentenceBatch, Protocol):
-    """Captions as words and as a language model reads them, with tokens (B, S, layers)."""
+    """Captions as words and as a language model reads them, with tokens (B, S, layers) of rows `clip` of the corpus."""
+
+    clip: Tensor
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class MaskedGeneratorConfig:
     detail_guidance: float = 2.0
     detail: str = "residual"
     flow_steps: int = 8
+    examples: int = 0
 
     def __post_init__(self) -> None:
         name = "masked_generator"
@@ -70,6 +74,7 @@ class MaskedGeneratorConfig:
         check_range(name, self, widths, 1, WIDEST)
         check_range(name, self, ("num_quantizers", "num_layers", "detail_layers"), 1, DEEPEST)
         check_range(name, self, ("iterations", "flow_steps"), 1, 1000)
+        check_range(name, self, ("examples",), 0, POOL)
         check_range(name, self, ("guidance", "detail_guidance", "detail_temperature"), 0, 1000)
         check_share(name, self, ("dropout", "label_smoothing", "word_dropout"))
         check_range(name, self, ("text_dropout", "span_share", "random_share", "kept_share"), 0, 1)
@@ -96,7 +101,9 @@ class MaskedGenerator(Trainable):
         self.config, self.context = config, context
         layers, codes, width = config.num_quantizers, config.codebook_size, config.width
         sizes = (width, config.num_heads, config.dim_feedforward)
-        self.text = TextReader(len(context.vocabulary), config.word_dim, width, config.dropout)
+        looked_at = codes if config.examples else 0
+        self.text = TextReader(len(context.vocabulary), config.word_dim, width, config.dropout, looked_at)
+        self.bank = ExampleBank() if config.examples else None
         self.plan = BasePlan(codes, TokenReader(*sizes, config.num_layers, config.dropout), width)
         # One layer alone has no detail; the network is there all the same, so that every config has the same parts.
         reader = TokenReader(*sizes, config.detail_layers, config.dropout)
@@ -114,7 +121,15 @@ class MaskedGenerator(Trainable):
         self.detail.take_codebooks(codebooks)
         centred = (codebooks[0] - codebooks[0].mean(0)) @ torch.randn(codebooks.shape[2], self.config.width)
         self.plan.embedding.weight[:-1] = 0.5 * centred / centred.std().clamp(min=1e-6)
+        if self.text.examples is not None:
+            self.text.examples.weight.copy_(self.plan.embedding.weight[:-1])
         return self
+
+    def examples(self, states: Tensor, count: Tensor, noise: Tensor, rows: Tensor | None = None) -> Examples | None:
+        """What :meth:`ExampleBank.draw` finds; None where none are looked at."""
+        if self.bank is None or not len(self.bank):
+            return None
+        return self.bank.draw(self.config.examples, states, count, noise, rows)
 
     def loss(self, batch: MaskedBatch, progress: float, generator: torch.Generator) -> Loss:
         """Cross-entropy of the masked base codes, and of one random further layer in each item."""
@@ -168,7 +183,10 @@ class MaskedGenerator(Trainable):
 
     def _read(self, batch: MaskedBatch, generator: torch.Generator) -> Text:
         words = hide_words(batch.words, self.config.word_dropout, generator) if self.training else batch.words
-        return Text(words, batch.tags, batch.word_count, batch.states, batch.state_count)
+        states = (batch.states, batch.state_count)
+        noise = torch.rand(len(words), POOL, generator=generator, device=words.device) if self.bank else None
+        examples = None if noise is None else self.examples(*states, noise, batch.clip)
+        return Text(words, batch.tags, batch.word_count, *states, examples)
 
     def _left_out(self, items: int, generator: torch.Generator) -> Tensor:
         """(B,) whose text is left out."""

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from motionary.language import STATE_DIM
 from motionary.nn.layers import WordEmbedding, length_mask, positional_encoding
 from motionary.nn.transformer import Attention, FeedForward
+from motionary.systems.masked.examples import Examples
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Text:
         words, tags: (B, N) ids.
         word_count: (B,) of them.
         states: (B, M, d), zero beyond `state_count` (B,).
+        examples: training clips that are looked at as well, where the model was made for them.
     """
 
     words: Tensor
@@ -30,6 +32,7 @@ class Text:
     word_count: Tensor
     states: Tensor
     state_count: Tensor
+    examples: Examples | None = None
 
     def twice(self) -> Text:
         """The batch twice over: all B sentences, then the same B again."""
@@ -37,7 +40,7 @@ class Text:
         words, count, states, state_count = (
             torch.cat((x, x)) for x in (self.words, self.word_count, self.states, self.state_count)
         )
-        return Text(words, tags, count, states, state_count)
+        return Text(words, tags, count, states, state_count, self.examples and self.examples.twice())
 
 
 class Memory(NamedTuple):
@@ -49,15 +52,20 @@ class Memory(NamedTuple):
 
 
 class TextReader(nn.Module):
-    """Text to a memory of one vector for no text, then words, then states."""
+    """Text to a memory of one vector for no text, then words, then states, then examples.
 
-    def __init__(self, words: int, word_dim: int, width: int, dropout: float):
+    Args:
+        codes: that tokens of examples may have; 0 where none are looked at.
+    """
+
+    def __init__(self, words: int, word_dim: int, width: int, dropout: float, codes: int = 0):
         super().__init__()
         self.embedding = WordEmbedding(words, word_dim, tags=True)
         self.words, self.states = nn.Linear(word_dim, width), nn.Linear(STATE_DIM, width)
         self.sentence = nn.Linear(STATE_DIM, width)
         self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(2))
         self.blank = nn.Parameter(0.02 * torch.randn(2, width))  # without text: to attend to, and as the sentence
+        self.examples = nn.Embedding(codes, width) if codes else None
         self.dropout = nn.Dropout(dropout)
 
     def forward(self, text: Text, blank: Tensor) -> Memory:
@@ -65,11 +73,17 @@ class TextReader(nn.Module):
         words = self.norms[0](self.words(self.embedding(text.words, text.tags)))
         states = self.norms[1](self.states(text.states.to(words.dtype)))
         nothing = self.blank[0].expand(len(words), 1, -1)
-        masks = length_mask(text.word_count, words.shape[1]), length_mask(text.state_count, states.shape[1])
+        parts = [words, states]
+        masks = [length_mask(text.word_count, words.shape[1]), length_mask(text.state_count, states.shape[1])]
+        if self.examples is not None and text.examples is not None:
+            codes, count = text.examples
+            at = torch.arange(codes.shape[-1], device=codes.device)
+            parts.append((self.examples(codes) + positional_encoding(at, words.shape[-1])).flatten(1, 2))
+            masks.append(length_mask(count.flatten(), codes.shape[-1]).view(len(count), -1))
         told = torch.cat(masks, 1) & ~blank[:, None]
         mean = text.states.sum(1) / text.state_count.clamp(min=1)[:, None]
         sentence = torch.where(blank[:, None], self.blank[1], self.sentence(mean.to(words.dtype)))
-        vectors = self.dropout(torch.cat((nothing, words, states), 1))
+        vectors = self.dropout(torch.cat((nothing, *parts), 1))
         return Memory(vectors, F.pad(told, (1, 0), value=True), sentence)
 
 

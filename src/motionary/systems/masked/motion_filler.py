@@ -13,6 +13,7 @@ from motionary.nn.decoding import Sampling
 from motionary.nn.noise import uniform_noise
 from motionary.nn.padding import by_length, pad
 from motionary.systems.codec import BatchedCodec
+from motionary.systems.masked.examples import POOL
 from motionary.systems.masked.mask_decoding import Drawing, draws_needed, fill
 from motionary.systems.masked.masked_generator import MaskedGenerator
 from motionary.systems.masked.masked_networks import Text
@@ -86,9 +87,11 @@ class MotionFiller:
             told = [sentences[i] for i in rows]
             codes, count = pad([tokens[i] for i in rows], np.int64)
             fixed, _ = pad([known[i] for i in rows], bool)
-            noise = uniform_noise([seeds[i] for i in rows], draws_needed(self.model))
+            noise = uniform_noise([seeds[i] for i in rows], draws_needed(self.model) + POOL)
+            noise, of_examples = noise[:, :-POOL], noise[:, -POOL:]
             has_text = torch.tensor([sentence is not None for sentence in told]).to(self.device)
-            text, codes = self._text([sentence or NOTHING for sentence in told]), codes.to(self.device)
+            text = self._text([sentence or NOTHING for sentence in told], of_examples)
+            codes = codes.to(self.device)
             fixed, count = fixed.to(self.device), count.to(self.device)
             filled = fill(self.model, text, has_text, codes, fixed, count, noise, drawing).cpu().numpy()
             for row, i in enumerate(rows):
@@ -106,12 +109,12 @@ class MotionFiller:
                 motions[i] = decoded[row, : len(tokens[i]) * self.context.unit].copy()
         return motions
 
-    def _text(self, sentences: Sequence[Sentence]) -> Text:
+    def _text(self, sentences: Sequence[Sentence], noise: torch.Tensor) -> Text:
+        """The sentences as the model reads them; noise (B, POOL) draws the examples."""
         words, tags, count = encode_sentences(self.context, sentences, self.device)
-        states, state_count = self.states([sentence.text for sentence in sentences])
-        return Text(
-            words, tags, count, torch.from_numpy(states).to(self.device), torch.from_numpy(state_count).to(self.device)
-        )
+        found = self.states([sentence.text for sentence in sentences])
+        states, state_count = (torch.from_numpy(x).to(self.device) for x in found)
+        return Text(words, tags, count, states, state_count, self.model.examples(states, state_count, noise))
 
     def _drawing(self, options: dict[str, float]) -> Drawing:
         """The config's way of drawing with these options; InputError for an unknown one or one out of range."""
