@@ -16,7 +16,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--seconds", type=float, nargs="+", default=[3.0], help="how long: one, or one an action (3)")
     add.add_argument("--scale", type=float, default=1.0, help="of the body (1)")
     add.add_argument("--start", metavar="FILE", help="a motion that is gone on from")
-    add.add_argument("--source-fps", type=float, help="rate of a start that does not say it (npy)")
+    add.add_argument("--source-fps", type=float, help="rate of the start, whatever it says (npy says none)")
     told = "motions between the first poses of two seeds, in place of -n and --seed: as many as --steps"
     add.add_argument("--between", type=int, nargs=2, metavar="SEED", help=told)
     add.add_argument("--steps", type=shared.count, default=5, help="for --between (5)")

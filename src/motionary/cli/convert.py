@@ -15,7 +15,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("source", metavar="IN", help=shared.READ)
     add.add_argument("target", metavar="OUT", help="bvh, npz, npy, glb, mp4, gif or html")
     add.add_argument("--fps", type=float, help="rate of the result")
-    add.add_argument("--source-fps", type=float, help="rate of a file that does not say it (npy)")
+    add.add_argument("--source-fps", type=float, help="rate of the file, whatever it says (npy says none)")
     add.add_argument("--skeleton", help="retarget to smpl22 or kit21")
     add_onto(add)
     add.add_argument("--caption", help="shown in mp4, gif and html")

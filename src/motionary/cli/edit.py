@@ -24,7 +24,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--extend", type=float, metavar="SECONDS", help="go on for so long; without TEXT as it went")
     add.add_argument("--between", metavar="FILE", help="lead from the end of the one file to the begin of this one")
     add.add_argument("--seconds", type=float, default=1.0, help="for --between (1)")
-    add.add_argument("--source-fps", type=float, help="rate of files that do not say it (npy)")
+    add.add_argument("--source-fps", type=float, help="rate of the files, whatever they say (npy says none)")
     shared.add_system(add)
     shared.add_feet(add)
     add_outputs(add)

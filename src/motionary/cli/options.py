@@ -153,9 +153,10 @@ def say_reading(dictionary: Dictionary, text: str) -> dict[str, Any]:
 
 
 def add_files(add: argparse.ArgumentParser, told: str = "", rate: str = "--fps") -> None:
-    """FILE, one or several, and their rate, --source-fps where --fps is that of results; `told` goes on about them."""
+    """FILE, one or several, and their rate, whatever they say: --source-fps where --fps is that of results. `told`
+    goes on about the files."""
     add.add_argument("files", nargs="+", metavar="FILE", help=f"{READ}{told}")
-    add.add_argument(rate, dest="source_fps", type=float, help="rate of files that do not say it (npy)")
+    add.add_argument(rate, dest="source_fps", type=float, help="rate of the files, whatever they say (npy says none)")
 
 
 def add_reading(add: argparse.ArgumentParser) -> None:
