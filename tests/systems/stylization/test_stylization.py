@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from motionary.nn.layers import seeded
 from motionary.systems.io import Trained, build_model, load_model, open_system, save_model
 from motionary.systems.stylization.global_motion import GlobalMotion, GlobalMotionConfig
 from motionary.systems.stylization.latents import Latents, LatentsConfig
-from motionary.systems.stylization.style_networks import adaptive_norm, instance_norm
+from motionary.systems.stylization.style_networks import EPSILON, adaptive_norm, instance_norm
 from motionary.systems.stylization.style_transfer import StyleTransfer
 from motionary.systems.stylization.stylizer import (
     StylizationConfig,
@@ -75,10 +76,22 @@ def motions(context, *frames, seed=0):
     return [(context.mean + context.std * m).astype(np.float32) for m in made]
 
 
+@pytest.mark.parametrize("setting", ["supervised", "unsupervised"])
+def test_gradients_of_the_shortest_stretches_stay_small(styled, setting, batches):
+    """Over two steps of content many channels hardly move: what normalizes them must not multiply gradients."""
+    largest = []
+    for seed in range(12):
+        net, batch = stylizer(styled, setting), triples(partial(batches, seed=seed), styled, (16, 16, 12))
+        net.train().loss(batch, 0.0, generator(seed))[0].backward()
+        parts = [p.grad.norm() for p in net.parameters() if p.grad is not None]
+        largest.append(float(torch.stack(parts).norm()))
+    assert max(largest) < 300, "1e-5 beside the variance gives 1,554 and 342,638 here"
+
+
 def test_instance_norm_is_the_closed_form():
     """Mean 0, variance 1 over the valid steps alone; AdaIN gives them the mean and deviation that it is told."""
     x = torch.randn(2, 5, 9, generator=generator()) * 3 + 2
-    torch.testing.assert_close(instance_norm(x), torch.nn.functional.instance_norm(x))
+    torch.testing.assert_close(instance_norm(x), torch.nn.functional.instance_norm(x, eps=EPSILON))
     mask = (torch.arange(9) < torch.tensor([9, 6])[:, None])[:, None].float()
     masked = instance_norm(x * mask, mask)
     torch.testing.assert_close(masked[0], instance_norm(x[:1])[0])
@@ -87,7 +100,9 @@ def test_instance_norm_is_the_closed_form():
     gain, bias = torch.tensor([[2.0] * 5, [0.5] * 5]), torch.tensor([[1.0] * 5, [-3.0] * 5])
     made = adaptive_norm(x * mask, gain, bias, mask)[1, :, :6]
     torch.testing.assert_close(made.mean(-1), bias[1], atol=1e-5, rtol=0)
-    torch.testing.assert_close(made.std(-1, correction=0), gain[1], atol=1e-4, rtol=0)
+    variance = x[1, :, :6].var(-1, correction=0)
+    wanted = gain[1] * (variance / (variance + EPSILON)).sqrt()
+    torch.testing.assert_close(made.std(-1, correction=0), wanted, atol=1e-5, rtol=0)
 
 
 def test_divergence_is_the_closed_form():
@@ -241,7 +256,7 @@ def test_any_length_and_any_company(transfer, styled, setting):
         (alone,) = transfer.stylize(contents[i : i + 1], setting=setting, labels=told, seeds=[3 + i])
         np.testing.assert_allclose(alone, together[i], atol=1e-4)
         (other,) = transfer.stylize(contents[i : i + 1], setting=setting, labels=told, seeds=[9])
-        assert np.abs(other - alone).max() > 1e-3
+        assert np.abs(other - alone).max() > 10 * np.abs(alone - together[i]).max()
 
 
 def test_label_reference_and_strength_do_what_they_say(transfer, styled):
