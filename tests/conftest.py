@@ -20,9 +20,13 @@ SHARED_DATA = REPOSITORY.parent / "shared" / "data"
 
 
 def pytest_collection_modifyitems(items):
-    """The files that take longest come first, so that no worker is left with them at the end. Real-data tests run
-    whenever the folder is there; where it is not, they say what is missing."""
-    items.sort(key=lambda item: item.path.parent.name not in ("pipeline", "study", "app"))
+    """The files that take longest come first, so that no worker is left with them at the end, those with a browser
+    between others, so that two seldom run at once. Real-data tests run whenever the folder is there; where it is not,
+    they say what is missing."""
+    files = dict.fromkeys(item.path for item in items)
+    place = {path: sum(other.parent == path.parent for other in list(files)[:n]) for n, path in enumerate(files)}
+    slow = {path for path in files if path.parent.name in ("pipeline", "study", "app")}
+    items.sort(key=lambda item: (item.path not in slow, place[item.path] if item.path in slow else 0))
     if SHARED_DATA.is_dir():
         return
     missing = pytest.mark.skip(reason="real clips not found at ../shared/data")
