@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from itertools import count
 
 for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -23,10 +24,10 @@ def pytest_collection_modifyitems(items):
     """The files that take longest come first, so that no worker is left with them at the end, those with a browser
     between others, so that two seldom run at once. Real-data tests run whenever the folder is there; where it is not,
     they say what is missing."""
-    files = dict.fromkeys(item.path for item in items)
-    place = {path: sum(other.parent == path.parent for other in list(files)[:n]) for n, path in enumerate(files)}
-    slow = {path for path in files if path.parent.name in ("pipeline", "study", "app")}
-    items.sort(key=lambda item: (item.path not in slow, place[item.path] if item.path in slow else 0))
+    numbers: dict[Path, count[int]] = {}
+    slow = dict.fromkeys(item.path for item in items if item.path.parent.name in ("pipeline", "study", "app"))
+    place = {path: next(numbers.setdefault(path.parent, count())) for path in slow}
+    items.sort(key=lambda item: place.get(item.path, len(slow)))
     if SHARED_DATA.is_dir():
         return
     missing = pytest.mark.skip(reason="real clips not found at ../shared/data")

@@ -9,7 +9,7 @@ from motionary.bench.recognized import main, recognized
 from motionary.corpus.demo import demo_clip
 
 
-class Speeds:
+class Heights:
     """Embeds a motion as the mean height of its joints, in metres."""
 
     def embed(self, motions, system):
@@ -30,12 +30,12 @@ def files(tmp_path):
 
 def test_ranks_are_those_of_distances(files):
     among = [str(file) for file in sorted((files / "mocap").glob("*.npz"))]
-    (row,) = recognized(Speeds(), [str(files / "rig/other_01.npz")], among).rows
+    (row,) = recognized(Heights(), [str(files / "rig/other_01.npz")], among).rows
     assert row[:2] == ["other_01", "1 of 3"]
     assert row[2].startswith("01, ")
     assert "short" not in row[2]
     demo_clip(2)[0].crop(0, 30).save(files / "rig/wrong_01.npz")
-    (row,) = recognized(Speeds(), [str(files / "rig/wrong_01.npz")], among).rows
+    (row,) = recognized(Heights(), [str(files / "rig/wrong_01.npz")], among).rows
     assert row[1] in ("2 of 3", "3 of 3")
     assert row[2].startswith("02, ")
 

@@ -29,7 +29,7 @@ def recognized(
     """A row for each file: the rank (from 1) of the one of `among` whose name its own name ends with.
 
     Args:
-        among: files, at `fps` where they do not say it, of which those of at least `shortest` seconds count.
+        among: files, at `fps` where it is given, of which those of at least `shortest` seconds count.
         system: the judge that embeds them; None takes the usual one.
 
     Raises:

@@ -75,10 +75,10 @@ class ExampleBank(nn.Module):
         rows = corpus.rows("train", True)
         said = np.flatnonzero(np.isin(corpus.captions.clip, rows))
         means = [
-            _mean(*(torch.from_numpy(x) for x in states([str(text) for text in corpus.captions.text[part]])))
+            mean_state(*(torch.from_numpy(x) for x in states([str(text) for text in corpus.captions.text[part]])))
             for part in np.array_split(said, -(-len(said) // _CHUNK))
         ]
-        self.captions = torch.cat(means).half().to(self.owner.device)
+        self.captions = F.normalize(torch.cat(means), dim=-1).half().to(self.owner.device)
         self.owner = self._ids(np.searchsorted(rows, corpus.captions.clip[said]))
         codes, count = pad([tokens[row].reshape(len(tokens[row]), -1)[:, 0] for row in rows], np.int64)
         self.codes, self.count = codes.short().to(self.owner.device), count.short().to(self.owner.device)
@@ -99,7 +99,8 @@ class ExampleBank(nn.Module):
             rows: (B,) rows of the corpus that the texts belong to, whose own recordings are none; None where a text
                 comes from elsewhere.
         """
-        near = _mean(states, count).to(self.captions.device) @ self.captions.float().mT  # (B, N)
+        told = F.normalize(mean_state(states, count), dim=-1)
+        near = told.to(self.captions.device) @ self.captions.float().mT  # (B, N)
         clips = torch.full((len(near), len(self)), -torch.inf, device=near.device)
         clips.scatter_reduce_(1, self.owner.long().expand(len(near), -1), near, "amax")
         if rows is not None and self.take_of is not None and self.takes is not None:
@@ -111,6 +112,6 @@ class ExampleBank(nn.Module):
         return Examples(self.codes[chosen].long()[..., : max(1, int(found.max()))], found)
 
 
-def _mean(states: Tensor, count: Tensor) -> Tensor:
-    """(B, d) of length 1: the mean of each text's states."""
-    return F.normalize(states.float().sum(1) / count.clamp(min=1)[:, None], dim=-1)
+def mean_state(states: Tensor, count: Tensor) -> Tensor:
+    """(B, d): the mean of each text's states (B, N, d), of which `count` (B,) are valid and the others zero."""
+    return states.sum(1) / count.clamp(min=1)[:, None]

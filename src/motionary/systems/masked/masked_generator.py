@@ -184,8 +184,10 @@ class MaskedGenerator(Trainable):
     def _read(self, batch: MaskedBatch, generator: torch.Generator) -> Text:
         words = hide_words(batch.words, self.config.word_dropout, generator) if self.training else batch.words
         states = (batch.states, batch.state_count)
-        noise = torch.rand(len(words), POOL, generator=generator, device=words.device) if self.bank else None
-        examples = None if noise is None else self.examples(*states, noise, batch.clip)
+        examples = None
+        if self.bank:  # there, and filled
+            noise = torch.rand(len(words), POOL, generator=generator, device=words.device)
+            examples = self.examples(*states, noise, batch.clip)
         return Text(words, batch.tags, batch.word_count, *states, examples)
 
     def _left_out(self, items: int, generator: torch.Generator) -> Tensor:

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from motionary.language import STATE_DIM
 from motionary.nn.layers import WordEmbedding, length_mask, positional_encoding
 from motionary.nn.transformer import Attention, FeedForward
-from motionary.systems.masked.examples import Examples
+from motionary.systems.masked.examples import Examples, mean_state
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class TextReader(nn.Module):
             parts.append((self.examples(codes) + positional_encoding(at, words.shape[-1])).flatten(1, 2))
             masks.append(length_mask(count.flatten(), codes.shape[-1]).view(len(count), -1))
         told = torch.cat(masks, 1) & ~blank[:, None]
-        mean = text.states.sum(1) / text.state_count.clamp(min=1)[:, None]
+        mean = mean_state(text.states, text.state_count)
         sentence = torch.where(blank[:, None], self.blank[1], self.sentence(mean.to(words.dtype)))
         vectors = self.dropout(torch.cat((nothing, *parts), 1))
         return Memory(vectors, F.pad(told, (1, 0), value=True), sentence)
