@@ -37,7 +37,7 @@ repro: setup  ## the whole pipeline on params.yaml as it stands (the demo corpus
 
 test: setup  ## all tests, on every core, in a browser too, which is installed where there is none
 	@python tests/browser.py
-	@python -m pytest --numprocesses logical --dist loadfile --no-loadscope-reorder --durations 40 --durations-min 5
+	@python -m pytest --numprocesses logical --dist loadfile --durations 40 --durations-min 5
 
 kills: setup  ## kills the whole pipeline N times on a very small corpus and compares the results (hours; continues where it stopped)
 	@python tests/kills.py --kills $(if $(N),$(N),100)

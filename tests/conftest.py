@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from itertools import count
 
 for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -21,13 +20,9 @@ SHARED_DATA = REPOSITORY.parent / "shared" / "data"
 
 
 def pytest_collection_modifyitems(items):
-    """The files that take longest come first, so that no worker is left with them at the end, those with a browser
-    between others, so that two seldom run at once. Real-data tests run whenever the folder is there; where it is not,
-    they say what is missing."""
-    numbers: dict[Path, count[int]] = {}
-    slow = dict.fromkeys(item.path for item in items if item.path.parent.name in ("pipeline", "study", "app"))
-    place = {path: next(numbers.setdefault(path.parent, count())) for path in slow}
-    items.sort(key=lambda item: place.get(item.path, len(slow)))
+    """The files that take longest come first, so that no worker is left with them at the end. Real-data tests run
+    whenever the folder is there; where it is not, they say what is missing."""
+    items.sort(key=lambda item: item.path.parent.name not in ("pipeline", "study", "app"))
     if SHARED_DATA.is_dir():
         return
     missing = pytest.mark.skip(reason="real clips not found at ../shared/data")
