@@ -95,6 +95,7 @@ def check_values(section: str, config: object, names: Iterable[str], holds: Call
 
 # Settings beyond these are typing errors: channels of a layer, layers of a stack, a loss weight, any count.
 WIDEST, DEEPEST, HEAVIEST, MOST = 65536, 64, 1_000_000, 1_000_000
+STRONGEST = 100  # times a style: far beyond what looks like anything
 
 
 def check_range(section: str, config: object, names: Iterable[str], low: float, high: float) -> None:

@@ -145,6 +145,7 @@ def test_existing_files_are_kept_unless_forced(tmp_path, models, capsys):
         (("--seconds", "900"), "seconds: 900"),
         (("--seconds", "1,2"), "must be one number, or one for each"),
         (("--temperature", "0"), "--temperature: 0: must be a number above 0"),
+        (("--top-p", "1.5"), "--top-p: 1.5: must be a number above 0, at most 1"),
         (("--loop", "--path", "0,0 0,1"), "contradict each other"),
         (("--format", "fbx"), "format: fbx"),
     ],
@@ -167,6 +168,9 @@ def test_convert_and_edit_say_wrong_options_before_a_file_that_is_there(clip, tm
     edit = ("edit", str(clip), "--out", str(tmp_path), *models, "--extend")
     assert "exists" not in call(capsys, *edit, "900")[2]
     assert "use --force to" in call(capsys, *edit, "1")[2]
+    (tmp_path / "given-old.bvh").touch()
+    code, _, err = call(capsys, "stylize", str(clip), "--style", "old", "--strength", "-1", "--out", str(tmp_path))
+    assert (code, "--strength: -1: must be a number from 0 to 100" in err, "exists" in err) == (2, True, False)
     edit = (edit[0], edit[1], "a person does a cartwheel", *edit[2:])
     assert "not known: cartwheel" in call(capsys, *edit, "1", "--force")[2]
     with pytest.raises(InputError, match="use force=True to"):

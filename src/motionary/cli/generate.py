@@ -28,7 +28,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add_outputs(add)
     add.add_argument("--temperature", type=shared.above_zero, help="above 1 generates more variety, below 1 less")
     told = "draw from the likeliest tokens that have this share together, of systems that write tokens"
-    add.add_argument("--top-p", type=float, help=told)
+    add.add_argument("--top-p", type=shared.share, help=told)
     shared.add_feet(add)
     add.add_argument("--style", metavar="NAME", help="give what was generated a style of the training clips")
     shared.add_seed(add)

@@ -11,7 +11,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
-from motionary.errors import InputError
+from motionary.errors import STRONGEST, InputError
 
 if TYPE_CHECKING:
     from motionary.dictionary import Dictionary
@@ -41,6 +41,22 @@ def above_zero(text: str) -> float:
     value = float(text)
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text}: must be a number above 0")
+    return value
+
+
+def share(text: str) -> float:
+    """The type of an option: a share, above 0."""
+    value = float(text)
+    if not 0 < value <= 1:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number above 0, at most 1")
+    return value
+
+
+def strength(text: str) -> float:
+    """The type of --strength: times a style."""
+    value = float(text)
+    if not 0 <= value <= STRONGEST:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number from 0 to {STRONGEST}")
     return value
 
 

@@ -15,7 +15,8 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     shared.add_files(add, ", of any length", rate="--source-fps")
     add.add_argument("--style", metavar="NAME", help="of the training clips; with neither style nor reference: random")
     add.add_argument("--reference", metavar="FILE", help="a motion in the wanted style, of a second or two at least")
-    add.add_argument("--strength", type=float, default=1.0, help="0: as the model rebuilds it, 1: the whole style (1)")
+    told = "0: as the model rebuilds it, 1: the whole style (1)"
+    add.add_argument("--strength", type=shared.strength, default=1.0, help=told)
     add.add_argument("-n", type=shared.count, default=1, help="variants of each; a reference has only one (1)")
     keep = {"action": argparse.BooleanOptionalAction, "default": True}
     add.add_argument("--keep-rig", help="results on the rig and at the rate of each file (yes, unless --onto)", **keep)

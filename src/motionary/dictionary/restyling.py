@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 
 from motionary.corpus.encoding import as_motion, encode, listed
-from motionary.errors import InputError, check_whole
+from motionary.errors import STRONGEST, InputError, check_whole
 from motionary.motion import Motion, fit_rotations, resample
 from motionary.motion.rigging import Rig, to_rig
 from motionary.systems.protocols import Made, MotionStylizer
-
-_STRONGEST = 100  # times the style: far beyond what looks like anything
 
 
 def stylize(
@@ -29,8 +27,8 @@ def stylize(
     check_whole("n", n, 1)
     check_whole("seed", seed, 0)
     number = isinstance(strength, int | float) and not isinstance(strength, bool)
-    if not number or not 0 <= strength <= _STRONGEST:
-        raise InputError("strength", strength, f"must be a number from 0 to {_STRONGEST}")
+    if not number or not 0 <= strength <= STRONGEST:
+        raise InputError("strength", strength, f"must be a number from 0 to {STRONGEST}")
     if reference is not None and n > 1:
         raise InputError("n", n, "a reference gives one motion; variants come from a style or from nothing at all")
     contents = [encode(motion, transfer.context, whole=True) for motion in motions]
