@@ -6,6 +6,7 @@ import hydra
 from motionary.corpus.batches import Pairs, TokenStore
 from motionary.corpus.described import Described
 from motionary.corpus.store import Corpus
+from motionary.corpus.uncaptioned import WithUncaptioned
 from motionary.language import TextStates
 from motionary.pipeline.stage import Stage, run_stage
 from motionary.pipeline.train import build, last_losses, train
@@ -24,6 +25,7 @@ def main(config):
             model.bank.take(corpus, tokens, states)
         draws = {"random": stage.data["every_caption"], "drop_unit": stage.data["drop_unit"]}
         data = Described(Pairs(corpus, "train", tokens, motion=False, **draws), states)
+        data = WithUncaptioned(data, corpus, tokens, stage.data["uncaptioned"])
         held = Pairs(corpus, "val", tokens, all_captions=True, motion=False)
 
         history = train(stage, model, data, Described(held, states, raw=True), settings, length_sorted=True)

@@ -49,7 +49,7 @@ def motion_of():
     return walk
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def folder_of():
     """write_clips(root, lines, lengths) -> root."""
     return write_clips

@@ -18,7 +18,7 @@ RATE_SCALES = ("none", "linear", "sqrt")  # see training.schedule.peak_factor
 SEED_KEY = "seed"
 
 # Keys of a stage's section that say how its training data is drawn (arguments of corpus.batches and corpus.labeled).
-DATA_KEYS = ("window", "drop_unit", "balance", "every_caption")
+DATA_KEYS = ("window", "drop_unit", "balance", "every_caption", "uncaptioned")
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def check_data(section: Mapping[str, Any], stage: str) -> None:
     """Raises InputError for the first of `DATA_KEYS` in a stage's section that no corpus would allow."""
     if "window" in section:
         check_whole(f"{stage}.window", section["window"], 1)
-    for key in {"drop_unit", "balance"} & section.keys():
+    for key in {"drop_unit", "balance", "uncaptioned"} & section.keys():
         value = section[key]
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
             raise InputError(f"{stage}.{key}", value, "must be a number in 0..1")

@@ -9,6 +9,7 @@ import pytest
 import torch
 from every_system import batch_for
 
+from motionary.corpus.batch import Batch
 from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.nn.layers import seeded
@@ -77,6 +78,19 @@ def test_a_batch_is_learned_by_heart(context, detail):
     told = slice(None) if detail == "residual" else slice(2)  # the last layer is a hundredth of what the flow tells
     assert (made[valid][:, told] == batch.tokens[valid][:, told]).float().mean() > 0.95
     assert (made[~valid] == 0).all()
+
+
+def test_a_text_that_is_of_something_else_is_not_read(context):
+    net = model(context).eval()
+    batch = batch_for(context, net)
+    batch.tokens = batch.tokens % 16
+    values = []
+    for textless in (False, True):
+        batch.textless = torch.full((len(batch.clip),), textless)
+        for states in (batch.states, 1 - batch.states):
+            values.append(net.validate(Batch(**vars(batch) | {"states": states}))["loss"])
+    assert values[0] != values[1]
+    assert values[2] == values[3]
 
 
 def test_loss_is_blind_to_padding(context):

@@ -29,9 +29,14 @@ DETAILS = ("residual", "flow")
 
 
 class MaskedBatch(TokenBatch, SentenceBatch, Protocol):
-    """Captions as words and as a language model reads them, with tokens (B, S, layers) of rows `clip` of the corpus."""
+    """Captions as words and as a language model reads them, with tokens (B, S, layers) of rows `clip` of the corpus.
+
+    Attributes:
+        textless: (B,) bool, items whose text does not belong to their tokens; not there where all do.
+    """
 
     clip: Tensor
+    textless: Tensor
 
 
 @dataclass(frozen=True)
@@ -135,7 +140,7 @@ class MaskedGenerator(Trainable):
         """Cross-entropy of the masked base codes, and of one random further layer in each item."""
         config, count = self.config, batch.token_count
         valid = length_mask(count, batch.tokens.shape[1])
-        memory = self.text(self._read(batch, generator), self._left_out(len(count), generator))
+        memory = self.text(self._read(batch, generator), self._left_out(batch, generator))
         base = batch.tokens[..., 0]
         hidden = training_mask(count, base.shape[1], config.span_share, generator)
         shares = (config.random_share, config.kept_share)
@@ -190,7 +195,8 @@ class MaskedGenerator(Trainable):
             examples = self.examples(*states, noise, batch.clip)
         return Text(words, batch.tags, batch.word_count, *states, examples)
 
-    def _left_out(self, items: int, generator: torch.Generator) -> Tensor:
-        """(B,) whose text is left out."""
-        share = self.config.text_dropout if self.training else 0.0
-        return torch.rand(items, generator=generator, device=self.codebooks.device) < share
+    def _left_out(self, batch: MaskedBatch, generator: torch.Generator) -> Tensor:
+        """(B,) whose text is left out, by chance or since it tells of something else."""
+        share, device = self.config.text_dropout if self.training else 0.0, self.codebooks.device
+        left_out = torch.rand(len(batch.token_count), generator=generator, device=device) < share
+        return left_out | batch.textless if hasattr(batch, "textless") else left_out
