@@ -334,6 +334,16 @@ def test_stylization_is_measured_by_its_own_stage(shipped, tmp_path):
     assert differences.rows[0][2].startswith("0.300")
 
 
+def test_the_study_of_cmu_has_one_judge_for_all_seeds_and_no_sentence_that_may_not_be_passed_on(repository):
+    study = read_study(repository, repository / "conf/cmu_study.yaml")
+    configs = [compose(repository, e.overrides) for e in study.experiments]
+    assert [config["seed"] for config in configs] == [0, 1, 2]
+    for config in configs:
+        assert config["evaluator"]["seed"] == config["joint_evaluator"]["seed"] - 1 == 0
+        assert config["data"]["source_weights"]["kit-ml"] == 0
+        assert set(study.experiments[0].systems) <= set(config["evaluation"]["systems"])
+
+
 def test_motions_of_actions_are_compared_row_by_row(repository, tmp_path, monkeypatch):
     monkeypatch.setattr("motionary.study.experiments._roots_override", lambda root, roots: [])
     study = read_study(repository, repository / "conf/action_study.yaml")
