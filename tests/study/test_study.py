@@ -337,11 +337,31 @@ def test_stylization_is_measured_by_its_own_stage(shipped, tmp_path):
 def test_the_study_of_cmu_has_one_judge_for_all_seeds_and_no_sentence_that_may_not_be_passed_on(repository):
     study = read_study(repository, repository / "conf/cmu_study.yaml")
     configs = [compose(repository, e.overrides) for e in study.experiments]
-    assert [config["seed"] for config in configs] == [0, 1, 2]
-    for config in configs:
+    assert [config["seed"] for config in configs] == [0, 0, 1, 1, 2, 2]
+    for config, experiment in zip(configs, study.experiments, strict=True):
         assert config["evaluator"]["seed"] == config["joint_evaluator"]["seed"] - 1 == 0
         assert config["data"]["source_weights"]["kit-ml"] == 0
-        assert set(study.experiments[0].systems) <= set(config["evaluation"]["systems"])
+        assert set(experiment.systems) <= set(config["evaluation"]["systems"])
+
+
+def test_the_second_judge_and_the_feet_stand_beside_the_first_judge(tmp_path):
+    by = {"by": {"joint_evaluator": {"r3": {"mean": 0.4}, "fid": {"mean": 7.0}}}}
+    report = {
+        "generation": {"all": {"r3": {"mean": 0.5}, "fid": {"mean": 9.0}, **by}, "captioned": {"r3": {"mean": 0.3}}},
+        "real": {"all": {"r3": {"mean": 0.6}, "by": {"joint_evaluator": {"r3": {"mean": 0.7}}}}},
+        "physics": {"generated": {"foot_skating": 0.2}},
+        "planted": {"physics": {"generated": {"foot_skating": 0.1}}},
+    }
+    own = {"positions": {"all": {"local_mm": 33.0}}, "codes": {"used": 0.9}}
+    for path, content in {"evaluation/residual_tokenizer.json": report, "residual_tokenizer.json": own}.items():
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text(json.dumps(content))
+    found = {name: measure.mean for name, measure in measured(tmp_path, "residual_tokenizer").items()}
+    assert found == {
+        "R@3": 0.5, "R@3, captioned": 0.3, "R@3 by the second judge": 0.4, "FID": 9.0, "FID by the second judge": 7.0,
+        "Real R@3": 0.6, "Real R@3 by the second judge": 0.7, "Foot skating (m/s)": 0.2,
+        "Foot skating, planted (m/s)": 0.1, "Local MPJPE (mm)": 33.0, "Codes used": 0.9,
+    }  # fmt: skip
 
 
 def test_motions_of_actions_are_compared_row_by_row(repository, tmp_path, monkeypatch):

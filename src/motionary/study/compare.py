@@ -26,10 +26,14 @@ class Measure(NamedTuple):
 
 Runs = Mapping[str, Mapping[str, Mapping[str, Measure]]]  # experiment -> system -> metric -> value
 
-_REAL = ("Real R@1", "Real R@3")
+_BY = "by the second judge"
+_REAL = ("Real R@1", "Real R@3", f"Real R@3 {_BY}")
 _HELD = ("Real lengths R@3", "Real lengths FID")
 _JOINTS = ("APE root (m)", "APE root, best (m)")
-_GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_HELD, *_JOINTS, "Oracle", "Caption NLL")
+_SECOND = (f"R@3 {_BY}", f"FID {_BY}", f"FID of two real halves {_BY}")
+_SKATING, _PLANTED = "Foot skating (m/s)", "Foot skating, planted (m/s)"
+_MOVED = (*_HELD, *_JOINTS, "Oracle", "Caption NLL", _SKATING, _PLANTED)
+_GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_SECOND, *_MOVED)
 _CONSENSUS = ("Consensus BLEU-4", "Consensus R@3")
 _CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3", *_CONSENSUS)
 _CODES = ("Local MPJPE (mm)", "Codes used")
@@ -45,8 +49,7 @@ _ACTED = {
     "Diversity": "diversity",
     "Multimodality": "multimodality",
 }  # as in thesis Tables 3.2 and 3.3
-_SKATING = "Foot skating (m/s)"
-_COMPARED = ("R@1", "R@3", "FID", *_HELD, *_JOINTS, "Oracle", "Caption NLL", "BLEU-4", "Caption R@3", *_CONSENSUS)
+_COMPARED = ("R@1", "R@3", "FID", *_SECOND[:2], *_MOVED, "BLEU-4", "Caption R@3", *_CONSENSUS)
 
 
 def measured(folder: Path, system: str) -> dict[str, Measure]:
@@ -60,7 +63,7 @@ def measured(folder: Path, system: str) -> dict[str, Measure]:
         {metric: value}; what was not measured is absent. Parts of the data are named behind a comma.
     """
     scored, own = _read(folder / "evaluation" / f"{system}.json"), _read(folder / f"{system}.json")
-    tokenizer = _read(folder / "tokenizer.json")
+    tokenizer = own if system == "residual_tokenizer" else _read(folder / "tokenizer.json")
     values: dict[str, Any] = {}
     for keys, prefix, names in (
         (("generation",), "", ("r1", "r2", "r3", "fid", "fid_real_halves")),
@@ -72,6 +75,8 @@ def measured(folder: Path, system: str) -> dict[str, Measure]:
         for part in at(scored, *keys) or {}:
             for name in names:
                 values[_named(prefix + _LABELS[name], part)] = at(scored, *keys, part, name)
+        second = next(iter((at(scored, *keys, "all", "by") or {}).values()), {})
+        values |= {f"{prefix}{_LABELS[name]} {_BY}": second.get(name) for name in names}
     for part in at(scored, "language") or {}:
         values[_named("BLEU-4", part)] = at(scored, "language", part, "bleu4")
         values[_named("BLEU-4 raw", part)] = at(scored, "language", part, "raw", "bleu4")
@@ -85,6 +90,8 @@ def measured(folder: Path, system: str) -> dict[str, Measure]:
     values["Named action"] = at(scored, "action", "all", "named")
     values["Oracle"] = at(scored, "oracle", "prompts", "confirmed")
     values["Caption NLL"] = at(own, "training", "validation_caption_nll")
+    values[_SKATING] = at(scored, "physics", "generated", "foot_skating")
+    values[_PLANTED] = at(scored, "planted", "physics", "generated", "foot_skating")
     values["Local MPJPE (mm)"] = at(tokenizer, "positions", "all", "local_mm")
     values["Codes used"] = at(tokenizer, "codes", "used")
     return {name: _measure(value) for name, value in values.items() if value is not None}
