@@ -19,6 +19,8 @@ from motionary.evaluation.system import score_system
 from motionary.report.build import build_report
 from motionary.report.players import make_examples
 from motionary.report.style_players import make_styled
+from motionary.systems.judges.corpus_search import Index
+from motionary.systems.judges.judge import Judge
 from motionary.systems.registry import known
 
 SYSTEMS = ("inverse_alignment", "motion2text", "retrieval", "tokenizer")
@@ -91,6 +93,22 @@ def test_a_generator_that_is_a_codec_too_keeps_the_physics_of_both(project):
     report = score_system("text2motion", project / "models", corpus, PROTOCOL, device="cpu")
     assert report["physics"].keys() == {"generated", "reconstructed", "real"}
     assert report["physics"]["generated"] != report["physics"]["reconstructed"]
+
+
+def test_each_judge_judges_wherever_the_search_lives(project, tmp_path):
+    shutil.copytree(project / "data", tmp_path / "data")
+    shutil.copytree(project / "models", tmp_path / "models")
+    corpus, folder = Corpus.open(tmp_path / "data/corpus"), tmp_path / "models"
+    plain = score_system("retrieval", folder, corpus, PROTOCOL, device="cpu")
+    judge = Judge(folder / "joint_evaluator")
+    motions = judge.motions([corpus.features(i) for i in range(len(corpus))])
+    Index(motions, judge.hash, "joint_evaluator").save(folder / "retrieval")
+    moved = score_system("retrieval", folder, corpus, PROTOCOL, device="cpu")
+    assert plain["judges"] == moved["judges"]
+    assert len(set(moved["judges"].values())) == 2
+    assert plain["real"] == moved["real"]
+    # A copy of a training motion is near one in the space that it was sought in.
+    assert moved["nearest_training"]["generated"]["least"] == pytest.approx(0, abs=0.01)
 
 
 def test_a_motion_is_shown_in_other_styles(pipeline, tmp_path):

@@ -30,7 +30,7 @@ def score_generator(
     items: Items,
     jury: Jury,
     seed: int = 0,
-    nearest: np.ndarray | None = None,
+    nearest: tuple[str, np.ndarray] | None = None,
 ) -> dict[str, Any]:
     """Report of a text-to-motion system.
 
@@ -39,7 +39,7 @@ def score_generator(
         items: captioned test windows.
         jury: the judges, with repetitions and sizes.
         seed: of the generations.
-        nearest: (M, E) features of the training motions by the first judge, for the distance to the nearest of them.
+        nearest: a judge, and its features (M, E) of the training motions, for the distance to the nearest of them.
 
     Returns:
         "generation" and "real": rows by part; "real" is judged with the same captions and pools. "agreement" of the
@@ -65,9 +65,10 @@ def score_generator(
     }
     report["planted"] = _planted(draws, items, real, jury)
     if nearest is not None:
+        judge, training = nearest
         report["nearest_training"] = {
-            "generated": nearest_distance(first.motion[jury.first], nearest),
-            "real": nearest_distance(real[jury.first], nearest),
+            "generated": nearest_distance(first.motion[judge], training),
+            "real": nearest_distance(real[judge], training),
         }
     if protocol.real_lengths and generator.takes_lengths:
         frames = [len(features) for features in items.features]

@@ -37,7 +37,7 @@ def score_system(
     report |= {"corpus": corpus.hash, "items": len(items)}
     if TEXT_TO_MOTION in offers:
         generator = open_system(name, TEXT_TO_MOTION, models, device)
-        nearest = search.index.motions[corpus.rows("train")]
+        nearest = search.index.judge, search.index.motions[corpus.rows("train")]
         report |= score_generator(generator, items, jury, seed, nearest)
         if protocol.position_samples and generator.takes_lengths:
             samples, most = protocol.position_samples, protocol.position_items
@@ -54,13 +54,15 @@ def score_system(
 
 
 def judges_of(models: Path) -> list[str]:
-    """Names of the judges that lie in a folder of models, the one whose space the search lives in first."""
+    """Names of the judges that lie in a folder of models, the one whose rows are the report's first."""
     return [name for name in judges() if (models / name).is_dir()]
 
 
 def _jury(models: Path, search: CorpusSearch, protocol: Protocol, device: str) -> Jury:
-    first, *others = judges_of(models)
-    judges = {first: search.judge, **{name: open_system(name, EMBED, models, device) for name in others}}
+    judges = {
+        name: search.judge if name == search.index.judge else open_system(name, EMBED, models, device)
+        for name in judges_of(models)
+    }
     for judge in judges.values():
         judge.batch_size = protocol.batch_size
     return Jury(judges, protocol)

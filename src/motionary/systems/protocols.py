@@ -238,9 +238,10 @@ class StyleClassifier(Protocol):
 
 
 class MotionIndex(Protocol):
-    """Features of every window of a corpus, (N, E) float32."""
+    """Features of every window of a corpus, (N, E) float32, and the name of the judge whose they are."""
 
     motions: np.ndarray
+    judge: str
 
 
 class CorpusSearch(Protocol):
