@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from toy import Numbers, Regression, batches, settings
 
 from motionary.corpus.batches import Batches
+from motionary.errors import InputError
 from motionary.systems.trainable import Trainable
 from motionary.training.devices import make_fabric
 from motionary.training.loading import ahead
@@ -90,6 +91,24 @@ def test_average_of_weights_is_what_is_kept(fabric):
     for name, p in model.named_parameters():
         stepped = dict(plain.named_parameters())[name]
         assert torch.allclose(p, start[name] + (1 - 2 / 11) * (stepped - start[name]), atol=1e-6)
+
+
+@pytest.mark.parametrize(("factor", "told"), [(float("nan"), "nan"), (1e9, "[0-9.]+e.0[89]"), (-1e9, None)])
+def test_a_loss_that_runs_away_ends_the_training(fabric, factor, told):
+    """From step 40 on it is no number, or huge; a negative one only falls."""
+
+    class Jumping(Regression):
+        def loss(self, batch, progress, generator):
+            loss, values = super().loss(batch, progress, generator)
+            return loss * (factor if progress >= 0.5 else 1.0), values
+
+    config = settings(steps=80, log_every=10)
+    given = (batches(config), validation(), config, fabric)
+    if told is None:
+        assert fit(Jumping(), *given).train[-1]["loss"] < -1e7
+        return
+    with pytest.raises(InputError, match=rf"codec: a loss of {told}.* at step 50 \(.* at step 10\): .*max_grad_norm"):
+        fit(Jumping(), *given, description="codec")
 
 
 def test_rate_closed_form():

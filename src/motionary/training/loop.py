@@ -15,12 +15,15 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from motionary.corpus.batches import Batch, Batches
+from motionary.errors import InputError
 from motionary.systems.trainable import Loss, Trainable
 from motionary.training.averaging import WeightAverage
 from motionary.training.checkpoint import newest, restore, save_checkpoint
 from motionary.training.loading import moved_ahead
 from motionary.training.schedule import peak_factor, rate
 from motionary.training.settings import TrainSettings
+
+_RUNAWAY = 1e4  # times the first loss: no training that learns comes near
 
 
 @dataclass
@@ -61,6 +64,9 @@ def fit(
         stop_after: returns after this many steps in all as if killed just after a checkpoint (for tests).
 
     A killed run that is started again with the same arguments ends with the weights of an unbroken one.
+
+    Raises:
+        InputError: the loss is no number any more, or 10,000 times what it was at first.
     """
     return _Run(model, train, validation, settings, fabric, checkpoint, seed, log, description).run(stop_after)
 
@@ -130,6 +136,7 @@ class _Run:
                 row = {name: float(value) for name, value in values.items()}
                 bar.set_postfix(loss=f"{row['loss']:.4g}", refresh=False)
                 self.history.train.append({"step": self.step, **row})
+                self._check_loss(row["loss"])
                 self.log(self.step, {f"train/{name}": value for name, value in row.items()})
             if self.step % settings.validate_every == 0 or self.step == settings.steps:
                 self._validate()
@@ -142,6 +149,14 @@ class _Run:
         batches.close()
         self._keep()
         return self.history
+
+    def _check_loss(self, loss: float) -> None:
+        """InputError where the training has run away: what it would end with is worth nothing."""
+        first = self.history.train[0]
+        if not math.isfinite(loss) or loss > _RUNAWAY * max(1.0, abs(first["loss"])):
+            found = f"a loss of {loss:.3g} at step {self.step} ({first['loss']:.3g} at step {first['step']})"
+            rule = "must not run away; lower learning_rate, set max_grad_norm or take precision=32"
+            raise InputError(self.description, found, rule)
 
     def _batches(self) -> Iterator[Batch]:
         if len(self.train) == 0:
