@@ -15,6 +15,8 @@ from safetensors.numpy import load_file
 from shell import call
 
 import motionary
+from motionary.bench.asked import asked
+from motionary.bench.recognized import recognized
 from motionary.corpus.demo import demo_clip
 from motionary.corpus.store import Corpus
 from motionary.dictionary import places
@@ -88,8 +90,8 @@ def test_weights_take_half_the_bytes_and_answer_alike(bundle, packed, run, pipel
         assert all(np.allclose(half[key], whole[key], rtol=1e-3, atol=1e-6) for key in whole)
     walk = demo_clip(3)[0]
     for judge in ("evaluator", "joint_evaluator"):
-        for asked in ({"texts": TEXTS}, {"motions": [walk]}):
-            a, b = (d.embed(**asked, system=judge) for d in (run, packed))
+        for given in ({"texts": TEXTS}, {"motions": [walk]}):
+            a, b = (d.embed(**given, system=judge) for d in (run, packed))
             assert np.abs(a - b).max() < 0.01 * np.abs(a).max()
     a, b = (d.generate(TEXTS[0], seconds=2, seed=3, system="text2token")[0] for d in (run, packed))
     assert a.frames == b.frames
@@ -159,6 +161,26 @@ def test_the_packaged_models_score_what_their_card_says_and_answer():
     finally:
         listening.clear()
     assert not unpickled
+
+
+def test_the_packaged_models_do_what_they_are_told():
+    """In the oracle's eyes; the card names what they fail at."""
+    texts = [
+        f"a person {what}" for what in ("walks forward", "jumps up", "walks backwards", "waves with the right hand")
+    ]
+    rows = asked(motionary.load(places.PACKAGED, "cpu"), texts, seeds=4).rows
+    assert all(int(done.split()[0]) >= 3 for _, done in rows), rows
+
+
+@pytest.mark.real
+def test_the_packaged_judge_knows_a_take_again_on_another_rig(shared_data):
+    """Four takes of CMU on another company's character, among all takes of CMU in `captioned`."""
+    shipped = motionary.load(places.PACKAGED, "cpu")
+    takes = [str(file) for file in sorted((shared_data / "captioned/motions").glob("[0-9]*.npy"))]
+    rigs = [str(file) for file in sorted((shared_data / "bvh/motions").glob("cc_02_0*.bvh"))]
+    rows = recognized(shipped, rigs, takes, fps=20).rows
+    assert len(rows) == 4
+    assert all(int(rank.split()[0]) <= 5 for _, rank, _ in rows), rows
 
 
 def test_a_bundle_replaces_nothing_unless_told(bundle, pipeline, tmp_path, capsys, monkeypatch):
