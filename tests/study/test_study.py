@@ -359,8 +359,8 @@ def test_the_second_judge_and_the_feet_stand_beside_the_first_judge(tmp_path):
     found = {name: measure.mean for name, measure in measured(tmp_path, "residual_tokenizer").items()}
     assert found == {
         "R@3": 0.5, "R@3, captioned": 0.3, "R@3 by the second judge": 0.4, "FID": 9.0, "FID by the second judge": 7.0,
-        "Real R@3": 0.6, "Real R@3 by the second judge": 0.7, "Foot skating (m/s)": 0.2,
-        "Foot skating, planted (m/s)": 0.1, "Local MPJPE (mm)": 33.0, "Codes used": 0.9,
+        "Real R@3": 0.6, "Real R@3 by the second judge": 0.7, "Feet sliding (m/s)": 0.2,
+        "Feet sliding, planted (m/s)": 0.1, "Local MPJPE (mm)": 33.0, "Codes used": 0.9,
     }  # fmt: skip
 
 

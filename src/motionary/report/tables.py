@@ -110,7 +110,7 @@ def nearest_training(results: Results) -> Table | None:
         if not rows:
             rows.append(["real motions", *_distances(found.get("real"))])
         rows.append([name, *_distances(found.get("generated"))])
-    note = "Distance in the evaluator's space from each motion to the nearest training motion; zero is a copy."
+    note = "Distance in the space that is searched, from each motion to the nearest training motion; zero is a copy."
     return Table("Nearest training motion", ["", "mean", "least"], rows, note) if rows else None
 
 

@@ -31,8 +31,8 @@ _REAL = ("Real R@1", "Real R@3", f"Real R@3 {_BY}")
 _HELD = ("Real lengths R@3", "Real lengths FID")
 _JOINTS = ("APE root (m)", "APE root, best (m)")
 _SECOND = (f"R@3 {_BY}", f"FID {_BY}", f"FID of two real halves {_BY}")
-_SKATING, _PLANTED = "Foot skating (m/s)", "Foot skating, planted (m/s)"
-_MOVED = (*_HELD, *_JOINTS, "Oracle", "Caption NLL", _SKATING, _PLANTED)
+_SLIDING = ("Feet sliding (m/s)", "Feet sliding, planted (m/s)")
+_MOVED = (*_HELD, *_JOINTS, "Oracle", "Caption NLL", *_SLIDING)
 _GENERATED = ("R@1", "R@2", "R@3", "FID", "FID of two real halves", *_SECOND, *_MOVED)
 _CONSENSUS = ("Consensus BLEU-4", "Consensus R@3")
 _CAPTIONS = ("BLEU-4", "BLEU-4 raw", "Named action", "Caption R@3", *_CONSENSUS)
@@ -49,6 +49,7 @@ _ACTED = {
     "Diversity": "diversity",
     "Multimodality": "multimodality",
 }  # as in thesis Tables 3.2 and 3.3
+_SKATING = "Foot skating (m/s)"
 _COMPARED = ("R@1", "R@3", "FID", *_SECOND[:2], *_MOVED, "BLEU-4", "Caption R@3", *_CONSENSUS)
 
 
@@ -90,8 +91,8 @@ def measured(folder: Path, system: str) -> dict[str, Measure]:
     values["Named action"] = at(scored, "action", "all", "named")
     values["Oracle"] = at(scored, "oracle", "prompts", "confirmed")
     values["Caption NLL"] = at(own, "training", "validation_caption_nll")
-    values[_SKATING] = at(scored, "physics", "generated", "foot_skating")
-    values[_PLANTED] = at(scored, "planted", "physics", "generated", "foot_skating")
+    for name, keys in zip(_SLIDING, ((), ("planted",)), strict=True):
+        values[name] = at(scored, *keys, "physics", "generated", "foot_skating")
     values["Local MPJPE (mm)"] = at(tokenizer, "positions", "all", "local_mm")
     values["Codes used"] = at(tokenizer, "codes", "used")
     return {name: _measure(value) for name, value in values.items() if value is not None}
