@@ -144,7 +144,7 @@ class Batch:
     action: Tensor = field(default_factory=_left_out)
     joints: Tensor = field(default_factory=_left_out)
     fine: Tensor = field(default_factory=_left_out)
-    textless: Tensor = field(default_factory=_left_out)
+    textless: Tensor | None = None
 
     def __post_init__(self) -> None:
         for name, value in list(vars(self).items()):

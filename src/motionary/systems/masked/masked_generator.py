@@ -32,11 +32,11 @@ class MaskedBatch(TokenBatch, SentenceBatch, Protocol):
     """Captions as words and as a language model reads them, with tokens (B, S, layers) of rows `clip` of the corpus.
 
     Attributes:
-        textless: (B,) bool, items whose text does not belong to their tokens; not there where all do.
+        textless: (B,) bool, items whose text does not belong to their tokens, or None.
     """
 
     clip: Tensor
-    textless: Tensor
+    textless: Tensor | None
 
 
 @dataclass(frozen=True)
@@ -199,4 +199,4 @@ class MaskedGenerator(Trainable):
         """(B,) whose text is left out, by chance or since it tells of something else."""
         share, device = self.config.text_dropout if self.training else 0.0, self.codebooks.device
         left_out = torch.rand(len(batch.token_count), generator=generator, device=device) < share
-        return left_out | batch.textless if hasattr(batch, "textless") else left_out
+        return left_out if batch.textless is None else left_out | batch.textless
