@@ -12,7 +12,8 @@ from motionary.corpus.token_store import TokenStore
 
 
 class WithUncaptioned:
-    """Captioned windows with their tokens, a share of which is replaced by stretches of windows that nobody captioned.
+    """Captioned windows with their tokens, a share of which is replaced by stretches of training windows that nobody
+    captioned.
 
     Such a stretch is as long as what it replaces, or its whole window, and keeps the caption, which is to be left out:
     `textless` says where. A corpus without such windows changes nothing.
@@ -22,10 +23,10 @@ class WithUncaptioned:
         share: of the entries of each batch that are replaced, in the mean.
     """
 
-    def __init__(self, pairs: Dataset, corpus: Corpus, tokens: TokenStore, share: float, split: str = "train"):
+    def __init__(self, pairs: Dataset, corpus: Corpus, tokens: TokenStore, share: float):
         self.pairs, self.tokens, self.share = pairs, tokens, share
         self.lengths, self.weights = pairs.lengths, pairs.weights
-        rows = corpus.rows(split, False)
+        rows = corpus.rows("train", False)
         self.counts = np.diff(tokens.offsets)
         self.rows = rows[self.counts[rows] > 0]
         # Long windows hold more that is new; each counts by its tokens.

@@ -136,8 +136,8 @@ class _Run:
                 row = {name: float(value) for name, value in values.items()}
                 bar.set_postfix(loss=f"{row['loss']:.4g}", refresh=False)
                 self.history.train.append({"step": self.step, **row})
-                self._check_loss(row["loss"])
                 self.log(self.step, {f"train/{name}": value for name, value in row.items()})
+                self._check_loss(row["loss"])
             if self.step % settings.validate_every == 0 or self.step == settings.steps:
                 self._validate()
                 self.history.seconds += time.monotonic() - started
