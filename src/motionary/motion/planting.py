@@ -27,7 +27,7 @@ _LEGS = 0.85  # metres from hip to ankle of the body that all metres here and in
 # The root follows feet that slide for long: seconds over which its correction changes, and the m/s up to which it is
 # left alone, since real feet roll and turn as fast.
 _DRIFTS = ((0.5, 0.15), (2.0, 0.03))
-_FAST = (0.5, 0.3, 0.15)  # m/s of a foot that the body goes with, round by round: the less it slides, the surer
+_FAST = (1.5, 0.7, 0.3, 0.15)  # m/s of a foot that the body goes with, round by round: the less it slides, the surer
 _IDLE = 0.02  # weight of a root that keeps its way, against 1 of a foot that stands
 _SURE, _LOOSE = 1e4, 0.05  # weights of a foot that stands, or flies, and of one that is about to
 _KEPT = 1e8  # weight of a foot that must not move

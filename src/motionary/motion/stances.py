@@ -6,7 +6,7 @@ import numpy as np
 
 # Metres and metres per second of a body with legs of 0.85 m; what begins below the first goes on up to the second.
 _LOW, _RISEN = 0.025, 0.045
-_SLOW, _FAST = 0.25, 0.5
+_SLOW, _FAST = 0.25, 0.8
 _SPAN = 0.05  # seconds on either side over which a speed is measured, so that noise is none
 _SHORTEST = 0.1  # seconds: what stands less long needs no help
 
