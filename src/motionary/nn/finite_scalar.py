@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from motionary.errors import InputError
 from motionary.nn.layers import masked_mean
 from motionary.nn.precision import widened
+from motionary.nn.residual_quantizer import NO_CODE
 
 
 def check_levels(name: str, levels: Sequence[int], count: int) -> None:
@@ -62,8 +63,9 @@ class FiniteScalarQuantizer(nn.Module):
         return self._round(self._bounded(latents))[1]
 
     def look_up(self, codes: Tensor) -> Tensor:
-        """(..., L') codes of the first L' layers -> (..., d), the sum of their entries."""
-        layers = [self._points(code, layer) for layer, code in enumerate(codes.unbind(-1))]
+        """(..., L') codes of the first L' layers, or `NO_CODE` -> (..., d), the sum of their entries."""
+        points = [self._points(code, layer) for layer, code in enumerate(codes.clamp(min=0).unbind(-1))]
+        layers = [p * there for p, there in zip(points, (codes != NO_CODE)[..., None].unbind(-2), strict=True)]
         return self.outward(torch.stack(layers).sum(0))
 
     def forward(self, latents: Tensor, mask: Tensor, kept: Tensor) -> tuple[Tensor, Tensor, Tensor]:

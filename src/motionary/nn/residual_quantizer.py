@@ -10,6 +10,8 @@ from torch import Tensor, nn
 
 from motionary.nn.quantizer import Quantizer
 
+NO_CODE = -1  # of a layer that says nothing about a place
+
 
 class ResidualQuantizer(nn.Module):
     """L layers of K codes of d dimensions, learned by running means with restarts (see :class:`Quantizer`).
@@ -41,9 +43,10 @@ class ResidualQuantizer(nn.Module):
         return torch.stack(codes, -1)
 
     def look_up(self, codes: Tensor) -> Tensor:
-        """(..., L') codes of the first L' layers -> (..., d), the sum of their entries."""
+        """(..., L') codes of the first L' layers, or `NO_CODE` -> (..., d), the sum of their entries."""
         layers = list(self)[: codes.shape[-1]]
-        return torch.stack([layer.look_up(code) for layer, code in zip(layers, codes.unbind(-1), strict=True)]).sum(0)
+        told = zip(layers, codes.clamp(min=0).unbind(-1), (codes != NO_CODE)[..., None].unbind(-2), strict=True)
+        return torch.stack([layer.look_up(code) * there for layer, code, there in told]).sum(0)
 
     def forward(self, latents: Tensor, mask: Tensor, kept: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """latents (B, S, d), mask (B, S) of valid steps, kept (B,) layers that each item uses -> the sum of the entries

@@ -13,6 +13,7 @@ from motionary.corpus.batch import Batch
 from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.nn.layers import seeded
+from motionary.nn.residual_quantizer import NO_CODE
 from motionary.systems.io import Trained, build_model, load_model, save_model
 from motionary.systems.masked.masked_generator import MaskedGenerator, MaskedGeneratorConfig
 from motionary.systems.masked.masked_networks import Text
@@ -50,9 +51,10 @@ def filler(context) -> MotionFiller:
     return MotionFiller(model(context), codec(context), lengths, chunk=2)
 
 
-@pytest.mark.parametrize("detail", ["residual", "flow"])
-def test_a_batch_is_learned_by_heart(context, detail):
+@pytest.mark.parametrize(("detail", "layers"), [("residual", 0), ("residual", 2), ("flow", 0), ("flow", 2)])
+def test_a_batch_is_learned_by_heart(context, detail, layers):
     settings = {"label_smoothing": 0.0, "text_dropout": 0.0, "guidance": 1.0, "detail_guidance": 1.0, "detail": detail}
+    settings["told_layers"] = layers
     net = model(context, **settings, word_dropout=0.0, random_share=0.0, kept_share=0.0).train()
     batch, rng = batch_for(context, net), torch.Generator().manual_seed(0)
     batch.tokens = torch.randint(16, batch.tokens.shape, generator=rng)
@@ -75,7 +77,9 @@ def test_a_batch_is_learned_by_heart(context, detail):
     noise, told = torch.rand(6, draws_needed(net), generator=rng), torch.ones(6, dtype=torch.bool)
     made = fill(net, text, told, batch.tokens * 0, nothing, batch.token_count, noise, Drawing(None, 1.0, None, 1.0))
     valid = torch.arange(8) < batch.token_count[:, None]
-    told = slice(None) if detail == "residual" else slice(2)  # the last layer is a hundredth of what the flow tells
+    if layers:
+        assert (made[valid][:, layers:] == NO_CODE).all()
+    told = slice(2 if detail == "flow" or layers else None)  # the last layer is a hundredth of what the flow tells
     assert (made[valid][:, told] == batch.tokens[valid][:, told]).float().mean() > 0.95
     assert (made[~valid] == 0).all()
 
@@ -151,6 +155,28 @@ def test_known_tokens_stay_and_the_others_are_made(filler):
         np.testing.assert_array_equal(a, b)
 
 
+def test_layers_that_are_not_told_stay_where_they_are_known(context):
+    lengths = lambda texts, seeds, likeliest: [32] * len(seeds)  # noqa: E731
+    for layers in (1, 2):
+        some = MotionFiller(model(context, told_layers=layers), codec(context), lengths)
+        rng = np.random.default_rng(0)
+        tokens, known = [rng.integers(0, 16, (9, 3))], [np.arange(9) < 4]
+        (made,) = some.infill(tokens, known, sentences()[:1], [0])
+        np.testing.assert_array_equal(made[:4], tokens[0][:4])
+        assert (made[4:, layers:] == NO_CODE).all()
+        assert made[4:, :layers].min() >= 0
+        # A layer without a code adds nothing: the motion is that of the layers that are told.
+        (all_made,) = some.infill(tokens, [np.zeros(9, bool)], sentences()[:1], [0])
+        alone = some.decode([all_made[:, :layers]])[0]
+        np.testing.assert_allclose(some.decode([all_made])[0], alone, atol=1e-6)
+        again = some.infill([made], [np.ones(9, bool)], [None], [1])[0]
+        np.testing.assert_array_equal(again, made)
+        with pytest.raises(InputError, match=r"tokens\[0\]: -1: must be codes in 0..15"):
+            some.infill([np.full((4, 3), NO_CODE)], [np.ones(4, bool)], [None], [0])
+        with pytest.raises(InputError, match=r"tokens\[0\]: 16: must be codes in -1..15"):
+            some.infill([np.insert(made[:, :-1], 2, 16, 1)], [np.ones(9, bool)], [None], [0])
+
+
 def test_encoding_and_decoding_are_the_tokenizers(filler, batch):
     motions = [batch.motion[i, : batch.frames[i]].numpy() for i in range(4)]
     tokens = filler.encode(motions)
@@ -206,6 +232,7 @@ def test_bad_requests_are_one_line(filler, options, message):
         ({"text_dropout": 0.0}, "masked_generator.text_dropout: 0.0: must be above 0"),
         ({"random_share": 0.6, "kept_share": 0.6}, "masked_generator.random_share"),
         ({"iterations": 0}, "masked_generator.iterations"),
+        ({"told_layers": 4}, "masked_generator.told_layers: 4: must be"),
         ({"width": 33, "num_heads": 3}, "masked_generator.width: 33: must be even"),
     ],
 )

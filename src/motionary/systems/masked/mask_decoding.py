@@ -11,6 +11,7 @@ from torch import Tensor
 
 from motionary.nn.decoding import Sampling
 from motionary.nn.layers import length_mask
+from motionary.nn.residual_quantizer import NO_CODE
 from motionary.systems.masked.flow_detail import FlowDetail, codes_of, normal_from
 from motionary.systems.masked.masked_generator import MaskedGenerator
 from motionary.systems.masked.masked_networks import Memory, ResidualDetail, Text, TokenReader
@@ -39,7 +40,7 @@ class Drawing:
 def draws_needed(model: MaskedGenerator) -> int:
     """Uniform numbers that one motion takes, whatever its length."""
     config = model.config
-    detail = config.code_dim if config.detail == "flow" else config.num_quantizers - 1
+    detail = config.code_dim if config.detail == "flow" else config.layers - 1
     return (2 * config.iterations + detail) * model.context.max_tokens
 
 
@@ -75,7 +76,7 @@ def fill(
     noise: Tensor,
     drawing: Drawing,
 ) -> Tensor:
-    """Codes (B, S, L) with all places of `count` (B,) filled, zero beyond.
+    """Codes (B, S, L) with all places of `count` (B,) filled, `NO_CODE` in layers that are not told, zero beyond.
 
     Args:
         text: of each item; `told` (B,) bool says which have one.
@@ -87,14 +88,12 @@ def fill(
     passes = 2 * model.config.iterations
     guided = TextGuidance(model, model.plan.reader, text, told, drawing.guidance)
     layers = [_plan(model, guided, codes[..., 0], valid & ~known, count, noise[:, :passes], drawing) * valid]
-    if codes.shape[-1] == 1:
-        return torch.stack(layers, -1)
-    guided = TextGuidance(model, model.detail.reader, text, told, drawing.detail_guidance)
-    detail = _flow if isinstance(model.detail, FlowDetail) else _residual
-    layers += [
-        layer * valid for layer in detail(model, guided, layers[0], codes, known, count, noise[:, passes:], drawing)
-    ]
-    return torch.stack(layers, -1)
+    if model.config.layers > 1:
+        guided = TextGuidance(model, model.detail.reader, text, told, drawing.detail_guidance)
+        detail = _flow if isinstance(model.detail, FlowDetail) else _residual
+        layers += detail(model, guided, layers[0], codes, known, count, noise[:, passes:], drawing)
+    untold = torch.where(known[..., None], codes[..., len(layers) :], NO_CODE)
+    return torch.cat((torch.stack(layers, -1), untold), -1) * valid[..., None]
 
 
 def _residual(
@@ -110,7 +109,7 @@ def _residual(
     """The codes (B, S) of each layer after the base, one after another, by noise (B, L - 1, S)."""
     layers, so_far, network = [], F.embedding(base, model.codebooks[0]), model.detail  # (B, S, d)
     assert isinstance(network, ResidualDetail)
-    for level in range(1, codes.shape[-1]):
+    for level in range(1, model.config.layers):
         codebook = model.codebooks[level]
 
         def scores(x: Tensor, *rest, level: int = level, codebook: Tensor = codebook) -> Tensor:
@@ -136,6 +135,7 @@ def _flow(
     """The codes (B, S) of each layer after the base, all together, by noise (B, d, S)."""
     network, temperature = model.detail, drawing.detail.temperature if drawing.detail else 0.0
     assert isinstance(network, FlowDetail)
+    codes = codes[..., : model.config.layers]
     # Codes at unknown places may be any number.
     entries = model.entries(torch.cat((base[..., None], codes[..., 1:] * known[..., None]), -1))
     start = temperature * normal_from(noise.mT).to(entries)
@@ -145,7 +145,7 @@ def _flow(
         return guided(lambda x, *rest: network(x, time, *rest), x, count)
 
     rest = network.draw(velocity, entries, known, start, model.config.flow_steps)
-    drawn = codes_of(rest, model.codebooks[1:])
+    drawn = codes_of(rest, model.codebooks[1 : model.config.layers])
     return list(torch.where(known[..., None], codes[..., 1:], drawn).unbind(-1))
 
 

@@ -19,6 +19,7 @@ from motionary.corpus.batch import SentenceBatch, TokenBatch
 from motionary.corpus.context import Context
 from motionary.errors import DEEPEST, WIDEST, InputError, check_range, check_share, check_values
 from motionary.nn.layers import hide_words, length_mask
+from motionary.nn.residual_quantizer import NO_CODE
 from motionary.systems.masked.examples import POOL, ExampleBank, Examples
 from motionary.systems.masked.flow_detail import FlowDetail
 from motionary.systems.masked.masked_networks import BasePlan, Memory, ResidualDetail, Text, TextReader, TokenReader
@@ -50,6 +51,7 @@ class MaskedGeneratorConfig:
     codebook_size: int
     code_dim: int
     num_quantizers: int = 1
+    told_layers: int = 0
     word_dim: int = 300
     width: int = 192
     num_layers: int = 4
@@ -79,6 +81,7 @@ class MaskedGeneratorConfig:
         check_range(name, self, widths, 1, WIDEST)
         check_range(name, self, ("num_quantizers", "num_layers", "detail_layers"), 1, DEEPEST)
         check_range(name, self, ("iterations", "flow_steps"), 1, 1000)
+        check_range(name, self, ("told_layers",), 0, self.num_quantizers)
         check_range(name, self, ("examples",), 0, POOL)
         check_range(name, self, ("guidance", "detail_guidance", "detail_temperature"), 0, 1000)
         check_share(name, self, ("dropout", "label_smoothing", "word_dropout"))
@@ -94,6 +97,11 @@ class MaskedGeneratorConfig:
             raise InputError(f"{name}.random_share", self.random_share, "must be at most 1 with kept_share")
         if not self.text_dropout and {self.guidance, self.detail_guidance} != {1}:
             raise InputError(f"{name}.text_dropout", self.text_dropout, "must be above 0 unless both guidances are 1")
+
+    @property
+    def layers(self) -> int:
+        """Of the codec, that are told."""
+        return self.told_layers or self.num_quantizers
 
 
 class MaskedGenerator(Trainable):
@@ -150,9 +158,11 @@ class MaskedGenerator(Trainable):
         plan = F.cross_entropy(logits, base[hidden], label_smoothing=smoothing)
         terms = {"plan_nll": plan, "plan_top1": (logits.argmax(-1) == base[hidden]).float().mean()}
         total = plan
-        if config.num_quantizers > 1:
+        if config.layers > 1:
             if isinstance(self.detail, FlowDetail):
-                terms["detail_flow"] = self.detail.loss(self.entries(batch.tokens), valid, memory, generator)
+                terms["detail_flow"] = self.detail.loss(
+                    self.entries(batch.tokens[..., : config.layers]), valid, memory, generator
+                )
                 total = plan + terms["detail_flow"]
             else:
                 terms |= self._detail_terms(self.detail, batch.tokens, count, valid, memory, generator)
@@ -160,8 +170,9 @@ class MaskedGenerator(Trainable):
         return total, {name: value.detach() for name, value in terms.items()}
 
     def entries(self, codes: Tensor) -> Tensor:
-        """(B, S, L') codes of the first layers -> (B, S, L', d) their entries."""
-        return torch.stack([F.embedding(codes[..., i], self.codebooks[i]) for i in range(codes.shape[-1])], 2)
+        """(B, S, L') codes of the first layers -> (B, S, L', d) their entries, 0 where there is no code."""
+        given, there = codes.clamp(min=0), (codes != NO_CODE)[..., None]
+        return torch.stack([F.embedding(given[..., i], self.codebooks[i]) for i in range(codes.shape[-1])], 2) * there
 
     def _detail_terms(
         self,
@@ -173,12 +184,12 @@ class MaskedGenerator(Trainable):
         generator: torch.Generator,
     ) -> dict[str, Tensor]:
         """The loss of the layer that each item draws, given the true codes of those before."""
-        level = torch.randint(1, self.config.num_quantizers, (len(codes),), generator=generator, device=codes.device)
+        level = torch.randint(1, self.config.layers, (len(codes),), generator=generator, device=codes.device)
         before = torch.arange(codes.shape[-1], device=codes.device) < level[:, None, None]  # (B, 1, L)
         so_far = (self.entries(codes) * before[..., None]).sum(2)  # (B, S, d)
         told = detail(so_far, level, count, memory, detail.reader.read(memory))
         losses, right, smoothing = [], [], self.config.label_smoothing if self.training else 0.0
-        for layer in range(1, self.config.num_quantizers):
+        for layer in range(1, self.config.layers):
             chosen = valid & (level == layer)[:, None]
             logits, target = detail.logits(told[chosen], layer, self.codebooks[layer]), codes[..., layer][chosen]
             losses.append(F.cross_entropy(logits, target, label_smoothing=smoothing, reduction="sum"))

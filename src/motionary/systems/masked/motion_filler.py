@@ -12,6 +12,7 @@ from motionary.language import Sentence, TextStates
 from motionary.nn.decoding import Sampling
 from motionary.nn.noise import uniform_noise
 from motionary.nn.padding import by_length, pad
+from motionary.nn.residual_quantizer import NO_CODE
 from motionary.systems.codec import BatchedCodec
 from motionary.systems.masked.examples import POOL
 from motionary.systems.masked.mask_decoding import Drawing, draws_needed, fill
@@ -150,6 +151,9 @@ class MotionFiller:
                 raise InputError(f"tokens[{number}]", codes.shape, rule)
             if fixed.shape != codes.shape[:1] or fixed.dtype != bool:
                 raise InputError(f"known[{number}]", (fixed.dtype, fixed.shape), f"must be bool ({len(codes)},)")
-            held = codes[fixed]
-            if held.size and not 0 <= held.min() <= held.max() < config.codebook_size:
-                raise InputError(f"tokens[{number}]", held.max(), f"must be codes in 0..{config.codebook_size - 1}")
+            held, told = codes[fixed], config.layers
+            for codes_of, least in ((held[:, :told], 0), (held[:, told:], NO_CODE)):
+                if codes_of.size and not least <= codes_of.min() <= codes_of.max() < config.codebook_size:
+                    worst = codes_of.min() if codes_of.min() < least else codes_of.max()
+                    rule = f"must be codes in {least}..{config.codebook_size - 1}"
+                    raise InputError(f"tokens[{number}]", worst, rule)
