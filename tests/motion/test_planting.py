@@ -52,6 +52,13 @@ def test_a_walker_on_a_belt_stands_to_the_millimetre(belt, fps):
     assert jitter(planted) < 1.1 * jitter(moved)
 
 
+@pytest.mark.parametrize("belt", [(0.0, 1.2), (0.0, -1.2), (0.8, 0.8)])
+def test_a_body_that_glides_as_fast_as_it_walks_stands_too(belt):
+    moved = slid(walker(), belt)
+    assert foot_skating(moved) > 1
+    assert foot_skating(moved.plant_feet()) < 0.1
+
+
 @pytest.mark.parametrize("fps", [20, 60])
 def test_a_jump_is_left_alone(fps):
     true = jumper(fps=fps)
