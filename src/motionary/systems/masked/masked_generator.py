@@ -131,7 +131,8 @@ class MaskedGenerator(Trainable):
     def take_codebooks(self, codebooks: Tensor) -> MaskedGenerator:
         """The tokenizer's entries (L, K, d); base codes that lie close start alike."""
         self.codebooks.copy_(codebooks)
-        self.detail.take_codebooks(codebooks)
+        told = codebooks[: self.config.layers] if isinstance(self.detail, FlowDetail) else codebooks
+        self.detail.take_codebooks(told)  # a flow makes the sum of what is told
         centred = (codebooks[0] - codebooks[0].mean(0)) @ torch.randn(codebooks.shape[2], self.config.width)
         self.plan.embedding.weight[:-1] = 0.5 * centred / centred.std().clamp(min=1e-6)
         if self.text.examples is not None:
