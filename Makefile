@@ -86,4 +86,5 @@ study: setup  ## seeds, second split, controls, ablations and baselines on the r
 	@python -m motionary.study
 
 clean:  ## remove outputs and caches of stages, keep the DVC cache and the tracking database
-	@rm -rf models data/corpus data/.unfinished-* data/sources/.unfinished-* data/sources/root_* reports .cache .code outputs multirun dvc_plots
+	@rm -rf models data/corpus data/.unfinished-* data/sources/.unfinished-* data/sources/root_* .cache .code outputs multirun dvc_plots
+	@find reports -mindepth 1 -maxdepth 1 ! -name '*study' -exec rm -rf {} + 2> /dev/null || true

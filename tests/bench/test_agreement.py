@@ -11,50 +11,21 @@ from motionary.corpus.preprocess import preprocess
 from motionary.corpus.store import Corpus
 from motionary.motion import Skeleton
 
-WHO = [
-    "dog",
-    "cat",
-    "horse",
-    "king",
-    "nurse",
-    "pilot",
-    "sailor",
-    "baker",
-    "clown",
-    "monk",
-    "judge",
-    "poet",
-    "robot",
-    "ghost",
-    "pirate",
-    "farmer",
-]
-WHAT = [
-    "ladder",
-    "piano",
-    "garden",
-    "sword",
-    "soup",
-    "candle",
-    "river",
-    "letter",
-    "mountain",
-    "violin",
-    "carpet",
-    "engine",
-]
+# fmt: off
+WHO = ["dog", "cat", "horse", "king", "nurse", "pilot", "sailor", "baker", "clown", "monk", "judge", "poet", "robot",
+       "ghost", "pirate", "farmer"]
+WHAT = ["ladder", "piano", "garden", "sword", "soup", "candle", "river", "letter", "mountain", "violin"]
+# fmt: on
 
 
-def corpus_of(folder, texts: list[tuple[str, ...]], source: str = "annotators") -> Corpus:
-    pose = Skeleton.named("smpl22").offsets.copy()
-    for joint, parent in enumerate(Skeleton.named("smpl22").parents):
-        pose[joint] += pose[parent] if parent >= 0 else 0
+def corpus_of(folder, texts: list[tuple[str, ...]]) -> Corpus:
+    """A clip for each pair of sentences, by `annotators`."""
     (folder / "motions").mkdir(parents=True)
     with (folder / "clips.jsonl").open("w") as listing:
         for i, captions in enumerate(texts):
-            sway = 0.05 * np.sin(np.arange(40) / 5 + i)[:, None, None] * np.ones((22, 3))
-            np.save(folder / f"motions/{i}.npy", (pose + sway).astype(np.float32))
-            told = [{"text": text, "source": source} for text in captions]
+            sway = 0.05 * np.sin(np.arange(40) / 5 + i)[:, None, None]
+            np.save(folder / f"motions/{i}.npy", (Skeleton.named("smpl22").rest + sway).astype(np.float32))
+            told = [{"text": text, "source": "annotators"} for text in captions]
             listing.write(json.dumps({"motion": f"motions/{i}.npy", "fps": 20, "captions": told}) + "\n")
     settings = {"source": "folder", "roots": [str(folder)], "workers": 1, "ratios": [0.9, 0.05, 0.05], "mirror": False}
     preprocess(settings, folder / "corpus", progress=False)
@@ -62,8 +33,7 @@ def corpus_of(folder, texts: list[tuple[str, ...]], source: str = "annotators") 
 
 
 def test_sentences_that_say_the_same_are_found_and_others_by_chance(tmp_path, capsys):
-    pairs = [(who, what) for who in WHO for what in WHAT][:160]
-    same = [(f"the {who} and the {what}", f"a {who} with a {what}") for who, what in pairs]
+    same = [(f"the {who} and the {what}", f"a {who} with a {what}") for who in WHO for what in WHAT]
     known = corpus_of(tmp_path / "same", same)
     (row,) = agreement(known).rows
     assert row[0] == "train"

@@ -19,7 +19,6 @@ from motionary.corpus.batch import SentenceBatch, TokenBatch
 from motionary.corpus.context import Context
 from motionary.errors import DEEPEST, WIDEST, InputError, check_range, check_share, check_values
 from motionary.nn.layers import hide_words, length_mask
-from motionary.nn.residual_quantizer import NO_CODE
 from motionary.systems.masked.examples import POOL, ExampleBank, Examples
 from motionary.systems.masked.flow_detail import FlowDetail
 from motionary.systems.masked.masked_networks import BasePlan, Memory, ResidualDetail, Text, TextReader, TokenReader
@@ -171,9 +170,8 @@ class MaskedGenerator(Trainable):
         return total, {name: value.detach() for name, value in terms.items()}
 
     def entries(self, codes: Tensor) -> Tensor:
-        """(B, S, L') codes of the first layers -> (B, S, L', d) their entries, 0 where there is no code."""
-        given, there = codes.clamp(min=0), (codes != NO_CODE)[..., None]
-        return torch.stack([F.embedding(given[..., i], self.codebooks[i]) for i in range(codes.shape[-1])], 2) * there
+        """(B, S, L') codes of the first layers -> (B, S, L', d) their entries."""
+        return torch.stack([F.embedding(codes[..., i], self.codebooks[i]) for i in range(codes.shape[-1])], 2)
 
     def _detail_terms(
         self,

@@ -151,9 +151,9 @@ class MotionFiller:
                 raise InputError(f"tokens[{number}]", codes.shape, rule)
             if fixed.shape != codes.shape[:1] or fixed.dtype != bool:
                 raise InputError(f"known[{number}]", (fixed.dtype, fixed.shape), f"must be bool ({len(codes)},)")
-            held, told = codes[fixed], config.layers
-            for codes_of, least in ((held[:, :told], 0), (held[:, told:], NO_CODE)):
-                if codes_of.size and not least <= codes_of.min() <= codes_of.max() < config.codebook_size:
-                    worst = codes_of.min() if codes_of.min() < least else codes_of.max()
-                    rule = f"must be codes in {least}..{config.codebook_size - 1}"
-                    raise InputError(f"tokens[{number}]", worst, rule)
+            held, least = codes[fixed], np.where(np.arange(codes.shape[1]) < config.layers, 0, NO_CODE)
+            wrong = np.argwhere((held < least) | (held >= config.codebook_size))
+            if len(wrong):
+                place, layer = wrong[0]
+                rule = f"must be codes in {least[layer]}..{config.codebook_size - 1}"
+                raise InputError(f"tokens[{number}]", held[place, layer], rule)
