@@ -53,3 +53,8 @@ def slid(motion: Motion, velocity: tuple[float, float]) -> Motion:
     time = np.arange(motion.frames)[:, None] / motion.fps
     shift = np.concatenate([velocity[0] * time, 0 * time, velocity[1] * time], axis=-1)
     return Motion(motion.positions + shift[:, None], motion.fps, motion.skeleton, motion.rotations)
+
+
+def on_the_floor(motion: Motion) -> np.ndarray:
+    """(T, J, 3) where its joints are once the lowest of all frames touches the ground."""
+    return motion.positions - np.array([0, motion.positions[..., 1].min(), 0], np.float32)

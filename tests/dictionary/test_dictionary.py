@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from strides import on_the_floor
 
 import motionary
 from motionary.corpus.demo import demo_clip
@@ -64,7 +65,9 @@ def test_a_seed_repeats_and_company_changes_nothing(d):
 def test_feet_stand_unless_they_shall_not(d):
     for name in d.offering(TEXT_TO_MOTION):
         raw, planted = (d.generate(TEXTS[0], system=name, seconds=2, feet=feet)[0] for feet in (False, True))
-        assert same(planted, raw.plant_feet())
+        stands = raw.plant_feet()
+        near = stands.positions[..., 1].min() <= 0.1
+        assert np.allclose(planted.positions, on_the_floor(stands) if near else stands.positions, atol=1e-4)
         assert not same(planted, raw)
     with pytest.raises(InputError, match="feet: yes: must be True or False"):
         d.generate(TEXTS[0], seconds=2, feet="yes")

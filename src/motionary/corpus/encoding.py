@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from motionary.motion.planting import plant_feet
 
 T = TypeVar("T")
 _MINUTE = 60.0
+_NEAR_FLOOR = 0.1  # metres: what never comes lower climbs, or hangs
 
 
 def encode(motion: Motion, context: Context, whole: bool = False) -> np.ndarray:
@@ -55,10 +57,24 @@ def as_motion(made: np.ndarray | Motion, context: Context) -> Motion:
 
 
 def planted(motions: Sequence[Motion], feet: bool = True, first_frame: int = 0) -> list[Motion]:
-    """The motions with feet that stand, from a frame on; as they are where that is not wanted."""
+    """The motions with feet that stand, from a frame on; as they are where that is not wanted.
+
+    Whole ones come onto the floor as well: the lowest joint of all frames at a height of 0, as in windows of a corpus.
+    Models tell the mean of heights, by which bodies hang a few centimetres over it.
+    """
     if not isinstance(feet, bool):
         raise InputError("feet", feet, "must be True or False")
-    return [plant_feet(motion, min(first_frame, motion.frames)) if feet else motion for motion in motions]
+    if not feet:
+        return list(motions)
+    stand = [plant_feet(motion, min(first_frame, motion.frames)) for motion in motions]
+    return stand if first_frame else [_on_floor(motion) for motion in stand]
+
+
+def _on_floor(motion: Motion) -> Motion:
+    lowest = motion.positions[..., 1].min()
+    if lowest > _NEAR_FLOOR:
+        return motion
+    return replace(motion, positions=motion.positions - lowest * np.array([0, 1, 0], np.float32))
 
 
 def as_features(made: np.ndarray | Motion, context: Context) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from motionary.corpus.acted import Acted, ActionLabels
+from motionary.corpus.encoding import planted
 from motionary.corpus.store import Corpus
 from motionary.errors import check_range
 from motionary.evaluation.action_measures import REAL, TRAINING, Judged, real_values, values_of
@@ -17,7 +18,6 @@ from motionary.evaluation.real_actions import joints_of
 from motionary.evaluation.scores import summarize
 from motionary.metrics.physics import MEASURES, physics
 from motionary.motion import Motion
-from motionary.motion.planting import plant_feet
 from motionary.systems.action_protocols import ActionClassifier, ActionToMotion
 
 LOCOMOTION = ("walk", "run", "jump")  # actions of Table 3.6, where a corpus has them
@@ -131,7 +131,7 @@ class _Scorer:
             if motions:
                 found[row] = self._measured(motions)
             if motions and row != REAL:
-                found[f"{row}, feet planted"] = self._measured([plant_feet(motion) for motion in motions])
+                found[f"{row}, feet planted"] = self._measured(planted(motions))
         return found
 
     def _measured(self, motions: Sequence[Motion]) -> dict[str, float]:

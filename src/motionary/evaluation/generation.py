@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from motionary.corpus.context import Context
-from motionary.corpus.encoding import as_features, as_motion
+from motionary.corpus.encoding import as_features, as_motion, planted
 from motionary.evaluation.confirmation import confirmed, fitted_oracle
 from motionary.evaluation.items import Items, sentence_of
 from motionary.evaluation.jury import Features, Jury
@@ -19,7 +19,6 @@ from motionary.evaluation.scores import Protocol
 from motionary.language import Sentence, annotate
 from motionary.metrics.distribution import multimodality
 from motionary.metrics.intervals import Interval, interval
-from motionary.motion.planting import plant_feet
 from motionary.oracle.prompts import PROMPTS, holds
 from motionary.oracle.reading import read
 from motionary.systems.protocols import TextToMotion
@@ -44,9 +43,10 @@ def score_generator(
     Returns:
         "generation" and "real": rows by part; "real" is judged with the same captions and pools. "agreement" of the
         judges on real motions. "physics", "oracle", "multimodality", and "nearest_training". "planted": rows, physics
-        and captions confirmed of the same motions with feet that stand (:meth:`motionary.Motion.plant_feet`). With
-        ``protocol.real_lengths`` and a generator that takes lengths also "real_lengths": rows, physics and captions
-        confirmed for motions as long as the real ones ("Ours w/ real length" of the thesis's Table 4.2).
+        and captions confirmed of the same motions on the floor, with feet that stand
+        (:func:`motionary.corpus.encoding.planted`). With ``protocol.real_lengths`` and a generator that takes lengths
+        also "real_lengths": rows, physics and captions confirmed for motions as long as the real ones ("Ours w/ real
+        length" of the thesis's Table 4.2).
     """
     protocol, real = jury.protocol, jury.motions(items.features)
     draws = [_Draw.make(generator, items, jury, seed, number) for number in _numbers(protocol)]
@@ -123,13 +123,13 @@ def _scores(draws: Sequence[_Draw], items: Items, real: Features, jury: Jury) ->
 
 def _planted(draws: Sequence[_Draw], items: Items, real: Features, jury: Jury) -> dict[str, Any]:
     """Scores of the generations with feet that stand; physics are those of the motions, without the codec's loss."""
-    context, planted, motions = items.corpus.context, [], []
+    context, after, motions = items.corpus.context, [], []
     for draw in draws:
         made = tqdm(draw.generated, desc="plant feet", unit="motion")
-        motions.append([plant_feet(as_motion(features, context)) for features in made])
+        motions.append([planted([as_motion(features, context)])[0] for features in made])
         features = [as_features(motion, context) for motion in motions[-1]]
-        planted.append(replace(draw, generated=features, motion=jury.motions(features)))
-    return _scores(planted, items, real, jury) | {"physics": {"generated": mean_physics(motions[0])}}
+        after.append(replace(draw, generated=features, motion=jury.motions(features)))
+    return _scores(after, items, real, jury) | {"physics": {"generated": mean_physics(motions[0])}}
 
 
 def _generate(

@@ -9,7 +9,7 @@ import numpy as np
 
 from motionary.corpus.cells import StyleSplit
 from motionary.corpus.context import Context
-from motionary.corpus.encoding import as_features
+from motionary.corpus.encoding import as_features, planted
 from motionary.corpus.store import Corpus
 from motionary.evaluation.style_draws import Draw
 from motionary.metrics.classification import accuracy, macro_accuracy
@@ -17,7 +17,6 @@ from motionary.metrics.distribution import frechet_distance
 from motionary.metrics.physics import MEASURES, physics
 from motionary.metrics.position import geodesic_distance
 from motionary.motion import Motion, fit_rotations
-from motionary.motion.planting import plant_feet
 from motionary.systems.protocols import StyleClassifier
 
 
@@ -54,8 +53,8 @@ class Measures:
         return self._judged([self.codec.decode(f, fps=self.fps) for f in features], features)
 
     def planted(self, features: Sequence[np.ndarray]) -> Measured:
-        """Measures the motions of raw features, each (T, D), with feet planted (`Motion.plant_feet`)."""
-        motions = [plant_feet(self.codec.decode(f, fps=self.fps)) for f in features]
+        """Measures the motions of raw features, each (T, D), with feet planted."""
+        motions = planted([self.codec.decode(f, fps=self.fps) for f in features])
         return self._judged(motions, [as_features(motion, self.context) for motion in motions])
 
     def _judged(self, motions: Sequence[Motion], features: Sequence[np.ndarray]) -> Measured:
