@@ -15,6 +15,7 @@ from motionary.corpus.context import Context
 from motionary.language import STATE_DIM
 from motionary.nn.layers import seeded
 from motionary.systems.io import Trained, build_model, save_model
+from motionary.systems.masked.masked_autoregression import MaskedAutoregression
 from motionary.systems.masked.masked_generator import MaskedGenerator
 from motionary.systems.registry import SYSTEMS
 from motionary.systems.temos.temos import Temos
@@ -23,7 +24,7 @@ NAMES = tuple(system.name for system in SYSTEMS if system.build)
 SMALL = dict(
     width=16, fine_width=8, code_dim=12, codebook_size=16, text_width=8, motion_width=12, dim=12, word_dim=8,
     num_layers=1, dim_feedforward=32, num_heads=2, attention_width=8, latent=4, content_dim=8, style_dim=8,
-    max_tokens=12, detail_layers=1,
+    max_tokens=12, detail_layers=1, components=4, head_width=16, head_blocks=1,
 )  # fmt: skip
 
 
@@ -74,6 +75,9 @@ def batch_for(context: Context, model: torch.nn.Module, codes: int = 16, seed: i
     batch.fine = batch.style
     if isinstance(model, MaskedGenerator):
         batch.tokens = batch.tokens[..., None].repeat(1, 1, model.config.num_quantizers)
+    if isinstance(model, MaskedAutoregression):
+        valid = torch.arange(8)[:, None] < batch.token_count[:, None, None]
+        batch.tokens = torch.randn(6, 8, model.config.components, generator=draws) * valid
     if isinstance(model, Temos):  # it reads features of its own
         valid = torch.arange(32)[:, None] < batch.frames[:, None, None]
         batch.motion = torch.randn(6, 32, model.codec.dim, generator=draws) * valid

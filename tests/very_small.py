@@ -19,6 +19,10 @@ TRAINED = {
     "masked_generator": {
         "width": 8, "word_dim": 8, "num_layers": 1, "detail_layers": 1, "num_heads": 2, "dim_feedforward": 8,
     },
+    "masked_autoregression": {
+        "components": 4, "width": 8, "word_dim": 8, "num_layers": 1, "num_heads": 2, "dim_feedforward": 8,
+        "head_width": 8, "head_blocks": 1,
+    },
     "latents": {"width": 8, "code_dim": 8},
     "global_motion": {"width": 8},
     "stylization": {"width": 8, "content_dim": 4, "style_dim": 4},

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from motionary.corpus.batches import Batches, Pairs, TokenStore
 from motionary.corpus.preprocess import preprocess
@@ -78,3 +79,14 @@ def test_where_everything_is_captioned_nothing_is_replaced(corpus):
     tokens = TokenStore.collect([np.zeros(0 if row in held else n // 4) for row, n in enumerate(corpus.clips.length)])
     found = batches(WithUncaptioned(Pairs(corpus, "train", tokens, motion=False), corpus, tokens, 1.0))
     assert not any(batch.textless.any() for batch in found)
+
+
+def test_vectors_stay_vectors(half, tokens):
+    """Codes of no codebook: the same windows with half a unit added."""
+    vectors = TokenStore(tokens.tokens.astype(np.float32) + 0.5, tokens.offsets)
+    whole, halves = (WithUncaptioned(Pairs(half, "train", t, motion=False), half, t, 0.5) for t in (tokens, vectors))
+    for plain, found in zip(batches(whole), batches(halves), strict=True):
+        valid = torch.arange(plain.tokens.shape[1]) < plain.token_count[:, None]
+        assert found.tokens.dtype == torch.float32
+        assert torch.equal(found.tokens[valid], plain.tokens[valid] + 0.5)
+        assert (found.tokens[~valid] == 0).all()

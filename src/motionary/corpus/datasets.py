@@ -189,7 +189,7 @@ class Pairs:
         if self.tokens is not None:
             flat, offsets = self.tokens
             tokens = gather(flat, offsets[shift, rows] + start // unit, count // unit, int(count.max()) // unit)
-            batch.tokens, batch.token_count = _long(tokens), _long(count // unit)
+            batch.tokens, batch.token_count = _codes(tokens), _long(count // unit)
         return batch
 
 
@@ -237,6 +237,11 @@ def gather(values: np.ndarray, offset: np.ndarray, count: np.ndarray, length: in
 
 def _labels(corpus: Corpus, rows: np.ndarray) -> dict[str, Tensor]:
     return {"style": _long(corpus.style_ids[rows]), "action": _long(corpus.action_ids[rows])}
+
+
+def _codes(values: np.ndarray) -> Tensor:
+    """Codes of a codebook, or vectors."""
+    return torch.from_numpy(values) if values.dtype.kind == "f" else _long(values)
 
 
 def _long(values: np.ndarray) -> Tensor:

@@ -15,7 +15,7 @@ class TokenStore:
     """The motion tokens of every window of a corpus, flat.
 
     Args:
-        tokens: (N,) codes of all windows one after the other.
+        tokens: (N, ...) codes of all windows one after the other, integers or vectors.
         offsets: (clips + 1,) where each window's tokens start.
     """
 

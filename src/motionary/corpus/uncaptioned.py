@@ -45,7 +45,7 @@ class WithUncaptioned:
             count = np.minimum(batch.token_count.numpy()[replaced], self.counts[rows])
             start = self.tokens.offsets[rows] + rng.integers(0, self.counts[rows] - count + 1)
             drawn = gather(self.tokens.tokens, start, count, batch.tokens.shape[1])
-            batch.tokens[batch.textless] = torch.from_numpy(drawn.astype(np.int64))
+            batch.tokens[batch.textless] = torch.from_numpy(drawn).to(batch.tokens.dtype)
             batch.token_count[batch.textless] = torch.from_numpy(count)
             batch.clip[batch.textless] = torch.from_numpy(rows)
         return batch

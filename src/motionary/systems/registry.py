@@ -149,6 +149,12 @@ SYSTEMS: tuple[System, ...] = (
         {TEXT_TO_MOTION: "open_motion_filler", INFILL: "open_motion_filler"}, "build_masked_generator",
         about="Fills in motion tokens in any order, so that parts of a motion can be made anew (MoMask).",
     ),
+    System(
+        "masked_autoregression", "masked", "masked_autoregression.MaskedAutoregression",
+        "masked_autoregression.MaskedAutoregressionConfig", ("autoencoder",), ("text2length",),
+        {CODEC: "open_components", TEXT_TO_MOTION: "open_snippet_generator"}, "build_masked_autoregression",
+        about="Fills in snippet codes in any order, each drawn by a flow from noise (MAR).",
+    ),
     # Latent stylization, thesis chapter 5
     System(
         "latents", "stylization", "latents.Latents", "latents.LatentsConfig", build="build_latents",

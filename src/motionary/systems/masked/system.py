@@ -11,9 +11,11 @@ from motionary.systems.io import Trained, open_system
 from motionary.systems.registry import TEXT_TO_LENGTH
 
 if TYPE_CHECKING:
+    from motionary.systems.masked.masked_autoregression import MaskedAutoregression
     from motionary.systems.masked.masked_generator import MaskedGenerator
-    from motionary.systems.masked.motion_filler import MotionFiller
+    from motionary.systems.masked.motion_filler import DrawLengths, MotionFiller
     from motionary.systems.masked.residual_tokenizer import ResidualTokenizer
+    from motionary.systems.masked.snippet_generator import SnippetGenerator
 
 
 def build_residual_tokenizer(settings: Mapping[str, Any], context: Context, trained: Trained) -> ResidualTokenizer:
@@ -42,11 +44,36 @@ def open_motion_filler(trained: Trained, name: str) -> MotionFiller:
     """The generator with its codec, and text2length for durations that are not given."""
     from motionary.systems.masked.motion_filler import MotionFiller
 
+    return MotionFiller(trained.load(name), trained.load("residual_tokenizer"), _lengths(trained))
+
+
+def build_masked_autoregression(
+    settings: Mapping[str, Any], context: Context, trained: Trained
+) -> MaskedAutoregression:
+    """A fresh generator of the codes of the trained autoencoder; `settings` are the remaining keys of its config."""
+    from motionary.systems.masked.masked_autoregression import MaskedAutoregression, MaskedAutoregressionConfig
+
+    autoencoder = trained.load("autoencoder")
+    sizes = autoencoder.config.as_upstream()
+    config = configure(MaskedAutoregressionConfig, {**settings, **sizes}, "masked_autoregression")
+    return MaskedAutoregression(config, context).take_snippets(autoencoder.encoder, autoencoder.decoder)
+
+
+def open_components(trained: Trained, name: str) -> MaskedAutoregression:
+    """The autoencoder's codes, in the components that the generator tells."""
+    return trained.load(name)
+
+
+def open_snippet_generator(trained: Trained, name: str) -> SnippetGenerator:
+    """The generator, with text2length for durations that are not given."""
+    from motionary.systems.masked.snippet_generator import SnippetGenerator
+
+    return SnippetGenerator(trained.load(name), _lengths(trained))
+
+
+def _lengths(trained: Trained) -> DrawLengths:
+    """What draws the durations that are not given."""
     lengths = open_system(
         trained.names.get("text2length", "text2length"), TEXT_TO_LENGTH, trained.folder, trained.device
     )
-    return MotionFiller(
-        trained.load(name),
-        trained.load("residual_tokenizer"),
-        lambda texts, seeds, likeliest: lengths.sample(texts, seeds, likeliest),
-    )
+    return lambda texts, seeds, likeliest: lengths.sample(texts, seeds, likeliest)
