@@ -56,7 +56,7 @@ class MaskedAutoregressionConfig:
     dropout: float = 0.1
     head_width: int = 320
     head_blocks: int = 3
-    head_draws: int = 4
+    head_draws: int = 2
     text_dropout: float = 0.1
     word_dropout: float = 0.05
     span_share: float = 0.3
