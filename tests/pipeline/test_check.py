@@ -35,7 +35,7 @@ curriculum_start curriculum_add curriculum_patience held_out scored_clips conten
 codes codebook_size
 diversity_contents diversity_samples pose_step pool diversity_pairs multimodality_texts examples multimodality_samples
 multimodality_pairs generation_repetitions prompt_samples samples locomotion_samples physics_motions upstream
-generator_layers token_layers detail_layers iterations flow_steps num_quantizers
+generator_layers token_layers detail_layers iterations flow_steps num_quantizers components head_width head_blocks head_draws
 """
 LARGE = {"seed", "window", "validate_every", "log_every", "patience"}  # of which no number is too large
 
@@ -91,10 +91,11 @@ def test_zero_is_refused_where_something_is_needed():
         "joint_evaluator.rate",
         "text2token.temperature",
         "masked_generator.temperature",
+        "masked_autoregression.temperature",
         "style_evaluator.scale",
     }
     needed |= {"text2token.guidance"}  # without text_dropout
-    needed |= {"masked_generator.text_dropout"}  # with guidance
+    needed |= {"masked_generator.text_dropout", "masked_autoregression.text_dropout"}  # with guidance
     needed |= {"precision"}  # 32 is one of its names
     needed -= {"masked_generator.examples"}  # none are looked at
     numbers = {key for key in KEYS if isinstance(value_of(key), int | float) and not isinstance(value_of(key), bool)}

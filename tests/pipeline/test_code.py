@@ -202,7 +202,7 @@ def test_a_function_of_a_family_reaches_what_it_builds_or_opens(reached):
         "systems/t2m/system.py", "return Lengths(trained.load(name))", "return Lengths(trained.load(name[:]))"
     )
     # These answer with lengths.
-    readers = {"text2length", "text2motion", "temos", "masked_generator"}
+    readers = {"text2length", "text2motion", "temos", "masked_generator", "masked_autoregression"}
     assert changed == {f"evaluation@{name}" for name in readers} | {"report"}
 
 
