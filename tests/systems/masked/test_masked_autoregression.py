@@ -112,7 +112,9 @@ def test_a_batch_is_learned_by_heart(context):
 
     text = Text(batch.words, batch.tags, batch.word_count, batch.states, batch.state_count)
     memory = net.text(text, torch.zeros(6, dtype=torch.bool))
-    told = net.reader(net.embed(batch.tokens, hidden), batch.token_count, memory, net.reader.read(memory))[hidden]
+    told = net.reader(
+        net.embed(batch.tokens, torch.zeros_like(hidden)), batch.token_count, memory, net.reader.read(memory)
+    )[hidden]
     start = torch.randn(len(told), 4, generator=rng)
     with torch.no_grad():
         made = flow(lambda x, time: net.head(x, time, told), start, 32)

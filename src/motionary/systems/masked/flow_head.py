@@ -52,8 +52,8 @@ class FlowHead(nn.Module):
     def forward(self, x: Tensor, time: Tensor, told: Tensor) -> Tensor:
         """x (N, dim) at time (N,) in 0..1, told (N, told) -> velocity (N, dim)."""
         at = self.time(positional_encoding(_TIMES * time, self.width).to(x.dtype))
-        condition = nn.functional.silu(self.told(told) + at)
-        x = self.input(x)
+        told = self.told(told)
+        condition, x = nn.functional.silu(told + at), self.input(x) + told
         for block in self.blocks:
             x = block(x, condition)
         return self.output(self.norm(x))

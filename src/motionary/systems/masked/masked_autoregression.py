@@ -25,6 +25,9 @@ from motionary.systems.masked.masking import training_mask
 from motionary.systems.trainable import Loss, Trainable
 
 
+_NEAR = 5  # codes that are read together
+
+
 class SnippetBatch(TokenBatch, SentenceBatch, Protocol):
     """Captions as words and as a language model reads them; `tokens` (B, S, components) float32 are what
     :meth:`MaskedAutoregression.encode` makes of their motions.
@@ -105,8 +108,8 @@ class MaskedAutoregression(Trainable):
         self.register_buffer("axes", torch.eye(config.snippet_dim)[:, : config.components].contiguous())
         self.register_buffer("scale", torch.ones(()))
         self.text = TextReader(len(context.vocabulary), config.word_dim, config.width, config.dropout)
-        self.input = nn.Linear(config.components, config.width)
-        self.masked = nn.Parameter(0.5 * torch.randn(config.width))
+        # A code and its neighbors together: attention alone takes long to learn what lies beside what.
+        self.input = nn.Conv1d(config.components + 1, config.width, _NEAR, padding=_NEAR // 2)
         layers = (config.num_heads, config.dim_feedforward, config.num_layers, config.dropout)
         self.reader = TokenReader(config.width, *layers)
         self.head = FlowHead(config.components, config.width, config.head_width, config.head_blocks)
@@ -152,15 +155,16 @@ class MaskedAutoregression(Trainable):
         if batch.textless is not None:
             left_out = left_out | batch.textless
         memory = self.text(text, left_out)
+        valid = length_mask(count, codes.shape[1])
         hidden = training_mask(count, codes.shape[1], config.span_share, generator)
         shown = codes
         if self.training and config.noise:
             shown = codes + config.noise * torch.randn(codes.shape, generator=generator, device=codes.device)
-        told = self.reader(self.embed(shown, hidden), count, memory, self.reader.read(memory))
+        told = self.reader(self.embed(shown, valid & ~hidden), count, memory, self.reader.read(memory))
         loss = self.head.loss(codes[hidden], told[hidden], config.head_draws, generator)
         return loss, {"flow": loss.detach()}
 
-    def embed(self, codes: Tensor, hidden: Tensor) -> Tensor:
-        """Components (B, S, components), those where `hidden` (B, S) masked -> (B, S, width)."""
-        embedded = self.input(codes)
-        return torch.where(hidden[..., None], self.masked.to(embedded.dtype), embedded)
+    def embed(self, codes: Tensor, known: Tensor) -> Tensor:
+        """Components (B, S, components), of which those at `known` (B, S) are read -> (B, S, width)."""
+        shown = torch.cat((codes, torch.ones_like(codes[..., :1])), -1) * known[..., None]
+        return self.input(shown.mT).mT

@@ -94,14 +94,14 @@ class SnippetGenerator:
         blank = torch.arange(copies * len(count), device=self.device) >= len(count)
         memory = model.text(text if copies == 1 else text.twice(), blank)
         read, all_counts = model.reader.read(memory), count.repeat(copies)
-        hidden = length_mask(count, steps)
+        valid = hidden = length_mask(count, steps)
         rank = noise[..., -1].masked_fill(~hidden, torch.inf).argsort(1).argsort(1)
         codes = torch.zeros_like(noise[..., :-1])
         for step in range(model.config.iterations):
             now = hidden & (rank >= masked_counts(count, (step + 1) / model.config.iterations)[:, None])
             if not bool(now.any()):
                 continue
-            embedded = model.embed(codes, hidden).repeat(copies, 1, 1)
+            embedded = model.embed(codes, valid & ~hidden).repeat(copies, 1, 1)
             told = model.reader(embedded, all_counts, memory, read).unflatten(0, (copies, -1))[:, now]  # (copies, N, w)
 
             def velocity(x: Tensor, time: Tensor, told: Tensor = told) -> Tensor:
