@@ -35,7 +35,8 @@ curriculum_start curriculum_add curriculum_patience held_out scored_clips conten
 codes codebook_size
 diversity_contents diversity_samples pose_step pool diversity_pairs multimodality_texts examples multimodality_samples
 multimodality_pairs generation_repetitions prompt_samples samples locomotion_samples physics_motions upstream
-generator_layers token_layers detail_layers iterations flow_steps num_quantizers components head_width head_blocks head_draws
+generator_layers token_layers detail_layers iterations flow_steps num_quantizers
+components head_width head_blocks head_draws
 """
 LARGE = {"seed", "window", "validate_every", "log_every", "patience"}  # of which no number is too large
 

@@ -15,6 +15,7 @@ from motionary.nn.layers import seeded
 from motionary.systems.io import Trained, build_model, load_model, save_model
 from motionary.systems.masked.flow_head import FlowHead, flow
 from motionary.systems.masked.masked_autoregression import MaskedAutoregression, MaskedAutoregressionConfig
+from motionary.systems.masked.masked_networks import Text
 from motionary.systems.masked.snippet_generator import SnippetGenerator
 from motionary.systems.t2m.autoencoder import Autoencoder, AutoencoderConfig
 
@@ -107,18 +108,15 @@ def test_a_batch_is_learned_by_heart(context):
         optimizer.zero_grad()
     assert net.eval().validate(batch)["loss"] < 0.4  # 2 at first
     # From all masked and from the text alone, its codes return.
-    hidden = torch.arange(8) < batch.token_count[:, None]
-    from motionary.systems.masked.masked_networks import Text
-
+    valid = torch.arange(8) < batch.token_count[:, None]
     text = Text(batch.words, batch.tags, batch.word_count, batch.states, batch.state_count)
     memory = net.text(text, torch.zeros(6, dtype=torch.bool))
-    told = net.reader(
-        net.embed(batch.tokens, torch.zeros_like(hidden)), batch.token_count, memory, net.reader.read(memory)
-    )[hidden]
+    embedded = net.embed(batch.tokens, torch.zeros_like(valid))
+    told = net.reader(embedded, batch.token_count, memory, net.reader.read(memory))[valid]
     start = torch.randn(len(told), 4, generator=rng)
     with torch.no_grad():
         made = flow(lambda x, time: net.head(x, time, told), start, 32)
-    assert float((made - batch.tokens[hidden]).square().mean()) < 0.15  # of codes whose mean square is 1
+    assert float((made - batch.tokens[valid]).square().mean()) < 0.15  # of codes whose mean square is 1
 
 
 def test_padding_and_texts_of_something_else_are_not_read(context):

@@ -24,7 +24,6 @@ from motionary.systems.masked.masked_networks import Text, TextReader, TokenRead
 from motionary.systems.masked.masking import training_mask
 from motionary.systems.trainable import Loss, Trainable
 
-
 _NEAR = 5  # codes that are read together
 
 
