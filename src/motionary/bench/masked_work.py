@@ -57,8 +57,7 @@ def masked_texts(count: int = 0) -> Callable[[Shapes], Work]:
         )
         model = _model(shapes, context, shapes.masked_quantizers).take_codebooks(codec.quantizer.codebooks())
         filler = MotionFiller(model, codec, lambda *_: ())
-        text = "a person walks forward slowly and then waves with the left hand"
-        sentences = [Sentence(f"{text} {k}", tuple(text.split()), ("NOUN",) * 12) for k in range(number)]
+        sentences = [_sentence(k) for k in range(number)]
         frames = [shapes.masked_tokens * UNIT] * number
         state_dim()  # the language model is loaded once for a process
 
@@ -72,8 +71,30 @@ def masked_texts(count: int = 0) -> Callable[[Shapes], Work]:
     return prepare
 
 
+def masked_codes(shapes: Shapes) -> Work:
+    """A sentence to a motion of 5 s by masked autoregression, as :func:`masked_texts`."""
+    from motionary.systems.masked.masked_autoregression import MaskedAutoregression, MaskedAutoregressionConfig
+    from motionary.systems.masked.snippet_generator import SnippetGenerator
+
+    model = MaskedAutoregression(MaskedAutoregressionConfig(word_dim=shapes.word_dim), make_context(shapes))
+    generator = SnippetGenerator(model, lambda *_: ())
+    state_dim()
+
+    def run() -> None:
+        generator.states = TextStates()
+        generator.generate([_sentence(0)], [0], [shapes.masked_tokens * UNIT])
+
+    return Work(run)
+
+
+def _sentence(number: int) -> Sentence:
+    text = "a person walks forward slowly and then waves with the left hand"
+    return Sentence(f"{text} {number}", tuple(text.split()), ("NOUN",) * 12)
+
+
 MASKED_CASES = (
     Case("masked_plan", "masked plan step, batch 64, 25 tokens, scale=small", masked_plan, Bound(55)),
     Case("masked_text", "a text to 5 s by masked generation, scale=small", masked_texts(1), Bound(14)),
     Case("masked_texts", "32 texts to 5 s by masked generation, scale=small", masked_texts(), Bound(250)),
+    Case("masked_codes", "a text to 5 s by masked autoregression, scale=small", masked_codes, Bound(9)),
 )
