@@ -554,3 +554,14 @@ def until(condition, seconds=60.0):
 
 def is_alive(pid):
     return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+
+
+def test_a_new_system_leaves_old_results_valid(repository, tmp_path):
+    """What else could be scored is no part of a key; how systems are scored is."""
+    keys = {}
+    for name, more in {"all": [], "one": ["evaluation.systems=[retrieval]"], "brief": ["evaluation.pool=4"]}.items():
+        entry = {"base": [], "roots": [], "experiments": {"copied": {"set": more, "systems": ["retrieval"]}}}
+        (tmp_path / f"{name}_study.yaml").write_text(json.dumps(entry))
+        (experiment,) = read_study(repository, tmp_path / f"{name}_study.yaml").experiments
+        keys[name] = experiment.key
+    assert keys["all"] == keys["one"] != keys["brief"]

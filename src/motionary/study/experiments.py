@@ -193,6 +193,8 @@ def _experiment(
         overrides.append(f"evaluation.systems=[{','.join(listed)}]")
         config = compose(root, overrides)
     read = {section: config[section] for section in sections_read(with_values(pipeline, config), systems)}
+    if "evaluation" in read:  # which others could be scored changes nothing: a new system leaves old results valid
+        read["evaluation"] = {name: value for name, value in read["evaluation"].items() if name != "systems"}
     full = name if key is None else f"{name}-{value}"
     return Experiment(
         full, name, value, entry.get("why", ""), tuple(overrides), systems, values_hash([read, sorted(systems)])
