@@ -77,7 +77,7 @@ def batch_for(context: Context, model: torch.nn.Module, codes: int = 16, seed: i
         batch.tokens = batch.tokens[..., None].repeat(1, 1, model.config.num_quantizers)
     if isinstance(model, MaskedAutoregression):
         valid = torch.arange(8)[:, None] < batch.token_count[:, None, None]
-        batch.tokens = torch.randn(6, 8, model.config.components, generator=draws) * valid
+        batch.tokens = torch.randn(6, 8, model.config.told, generator=draws) * valid
     if isinstance(model, Temos):  # it reads features of its own
         valid = torch.arange(32)[:, None] < batch.frames[:, None, None]
         batch.motion = torch.randn(6, 32, model.codec.dim, generator=draws) * valid

@@ -26,7 +26,7 @@ TRACED = Path(__file__).parent / "traced"
 TRAINED = ("autoencoder", "tokenizer", "evaluator", "motion2text", "text2token", "inverse_alignment", "text2length")
 TRAINED += ("text2motion", "latents", "global_motion", "stylization", "style_evaluator", "joint_evaluator")
 TRAINED += ("action_evaluator", "action2motion", "temos", "residual_tokenizer")
-TRAINED += ("masked_generator",)
+TRAINED += ("masked_generator", "masked_autoregression")
 SMALL = {
     "autoencoder": {"width": 8, "code_dim": 8},
     "tokenizer": {"codebook_size": 8, "code_dim": 8, "width": 8, "fine_width": 8},
@@ -40,6 +40,7 @@ SMALL = {
     "temos": {"latent": 8, "num_layers": 1, "num_heads": 2, "dim_feedforward": 8},
     "residual_tokenizer": {"codebook_size": 8, "code_dim": 8, "width": 8, "fine_width": 8},
     "masked_generator": {"width": 8, "num_layers": 1, "detail_layers": 1, "num_heads": 2, "dim_feedforward": 8},
+    "masked_autoregression": {"width": 8, "num_layers": 1, "num_heads": 2, "dim_feedforward": 8, "head_width": 8},
     "latents": {"width": 8, "code_dim": 8},
     "global_motion": {"width": 8},
     "stylization": {"width": 8, "content_dim": 8, "style_dim": 8},

@@ -72,7 +72,7 @@ class MaskedAutoregressionConfig:
         name = "masked_autoregression"
         widths = ("snippet_width", "snippet_dim", "word_dim", "width", "num_heads", "dim_feedforward", "head_width")
         check_range(name, self, widths, 1, WIDEST)
-        check_range(name, self, ("components",), 1, self.snippet_dim)
+        check_range(name, self, ("components",), 1, WIDEST)
         check_range(name, self, ("num_layers", "head_blocks"), 1, DEEPEST)
         check_range(name, self, ("head_draws", "iterations", "flow_steps"), 1, 1000)
         check_range(name, self, ("guidance", "noise"), 0, 1000)
@@ -85,11 +85,16 @@ class MaskedAutoregressionConfig:
         if not self.text_dropout and self.guidance != 1:
             raise InputError(f"{name}.text_dropout", self.text_dropout, "must be above 0 unless guidance is 1")
 
+    @property
+    def told(self) -> int:
+        """Components of a code, at most all."""
+        return min(self.components, self.snippet_dim)
+
 
 class MaskedAutoregression(Trainable):
     """A transformer over snippet codes, some of them masked, and a flow from what it says of a place to its code.
 
-    encode(raw (B, T, D), frames (B,)) -> components (B, S, components); decode(components, count (B,)) -> raw (B, 4S,
+    encode(raw (B, T, D), frames (B,)) -> components (B, S, told); decode(components, count (B,)) -> raw (B, 4S,
     D).
     """
 
@@ -104,14 +109,14 @@ class MaskedAutoregression(Trainable):
         self.encoder = SnippetEncoder(*sizes, seen, context.mean, context.std).requires_grad_(False)
         self.decoder = SnippetDecoder(*sizes, context.dim).requires_grad_(False)
         self.register_buffer("mean", torch.zeros(config.snippet_dim))
-        self.register_buffer("axes", torch.eye(config.snippet_dim)[:, : config.components].contiguous())
+        self.register_buffer("axes", torch.eye(config.snippet_dim)[:, : config.told].contiguous())
         self.register_buffer("scale", torch.ones(()))
         self.text = TextReader(len(context.vocabulary), config.word_dim, config.width, config.dropout)
         # A code and its neighbors together: attention alone takes long to learn what lies beside what.
-        self.input = nn.Conv1d(config.components + 1, config.width, _NEAR, padding=_NEAR // 2)
+        self.input = nn.Conv1d(config.told + 1, config.width, _NEAR, padding=_NEAR // 2)
         layers = (config.num_heads, config.dim_feedforward, config.num_layers, config.dropout)
         self.reader = TokenReader(config.width, *layers)
-        self.head = FlowHead(config.components, config.width, config.head_width, config.head_blocks)
+        self.head = FlowHead(config.told, config.width, config.head_width, config.head_blocks)
 
     @torch.no_grad()
     def take_snippets(self, encoder: SnippetEncoder, decoder: SnippetDecoder) -> MaskedAutoregression:
@@ -127,7 +132,7 @@ class MaskedAutoregression(Trainable):
         self.mean.copy_(codes.mean(0))
         centred = (codes - self.mean).double()
         values, vectors = torch.linalg.eigh(centred.mT @ centred / len(codes))  # rising
-        kept = self.config.components
+        kept = self.config.told
         self.axes.copy_(vectors[:, -kept:].flip(1))
         self.scale.copy_(values[-kept:].mean().sqrt().clamp(min=1e-6))
         return float(values[-kept:].sum() / values.sum().clamp(min=1e-12))
@@ -164,6 +169,6 @@ class MaskedAutoregression(Trainable):
         return loss, {"flow": loss.detach()}
 
     def embed(self, codes: Tensor, known: Tensor) -> Tensor:
-        """Components (B, S, components), of which those at `known` (B, S) are read -> (B, S, width)."""
+        """Components (B, S, told), of which those at `known` (B, S) are read -> (B, S, width)."""
         shown = torch.cat((codes, torch.ones_like(codes[..., :1])), -1) * known[..., None]
         return self.input(shown.mT).mT

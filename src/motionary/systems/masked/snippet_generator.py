@@ -73,7 +73,7 @@ class SnippetGenerator:
         for rows in by_length(wanted, self.chunk):
             count = torch.tensor([-(-wanted[i] // self.context.unit) for i in rows]).to(self.device)
             # The last column tells the order of the places, the same whatever the length.
-            noise = normal_noise([seeds[i] for i in rows], self.context.max_tokens, config.components + 1)
+            noise = normal_noise([seeds[i] for i in rows], self.context.max_tokens, config.told + 1)
             codes = self._draw([sentences[i] for i in rows], count, noise.to(self.device), warmth, scale)
             motions = self.model.decode(codes, count).float().cpu().numpy()
             for row, i in enumerate(rows):
@@ -83,7 +83,7 @@ class SnippetGenerator:
     def _draw(
         self, sentences: Sequence[Sentence], count: Tensor, noise: Tensor, temperature: float, guidance: float
     ) -> Tensor:
-        """Codes (B, S, components): each pass draws some of the places that are left, in a random order (MAR 3.3)."""
+        """Codes (B, S, told): each pass draws some of the places that are left, in a random order (MAR 3.3)."""
         model, steps = self.model, int(count.max())
         noise = noise[:, :steps]
         words, tags, word_count = encode_sentences(self.context, sentences, self.device)
