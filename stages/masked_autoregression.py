@@ -3,15 +3,13 @@
 from _project import ROOT  # isort: skip
 import hydra
 
-from motionary.corpus.batches import Pairs
-from motionary.corpus.described import Described
 from motionary.corpus.store import Corpus
-from motionary.corpus.uncaptioned import WithUncaptioned
+from motionary.corpus.uncaptioned import captioned_codes
 from motionary.language import TextStates
-from motionary.pipeline.components import snippet_components
 from motionary.pipeline.stage import Stage, run_stage
 from motionary.pipeline.train import build, last_losses, train
 from motionary.systems.io import save_model
+from motionary.systems.masked.components import snippet_components
 
 
 @hydra.main(version_base="1.3", config_path="../conf", config_name="config")
@@ -22,12 +20,9 @@ def main(config):
         corpus, states = Corpus.open(stage.input("data/corpus")), TextStates()
         model, settings = build(stage, corpus.context), stage.training()
         codes, kept = snippet_components(corpus, model)
-        draws = {"random": stage.data["every_caption"], "drop_unit": stage.data["drop_unit"]}
-        data = Described(Pairs(corpus, "train", codes, motion=False, **draws), states)
-        data = WithUncaptioned(data, corpus, codes, stage.data["uncaptioned"])
-        held = Pairs(corpus, "val", codes, all_captions=True, motion=False)
+        data, held = captioned_codes(corpus, codes, states, **stage.data)
 
-        history = train(stage, model, data, Described(held, states, raw=True), settings, length_sorted=True)
+        history = train(stage, model, data, held, settings, length_sorted=True)
         with stage.publish("models/masked_autoregression") as folder:
             save_model(folder, "masked_autoregression", model, corpus.context)
         stage.report({"kept_variance": kept, "training": last_losses(history)})

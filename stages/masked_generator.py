@@ -3,10 +3,9 @@
 from _project import ROOT  # isort: skip
 import hydra
 
-from motionary.corpus.batches import Pairs, TokenStore
-from motionary.corpus.described import Described
+from motionary.corpus.batches import TokenStore
 from motionary.corpus.store import Corpus
-from motionary.corpus.uncaptioned import WithUncaptioned
+from motionary.corpus.uncaptioned import captioned_codes
 from motionary.language import TextStates
 from motionary.pipeline.stage import Stage, run_stage
 from motionary.pipeline.train import build, last_losses, train
@@ -23,12 +22,9 @@ def main(config):
         tokens = TokenStore.load(stage.input("models/residual_tokenizer"))
         if model.bank is not None:
             model.bank.take(corpus, tokens, states)
-        draws = {"random": stage.data["every_caption"], "drop_unit": stage.data["drop_unit"]}
-        data = Described(Pairs(corpus, "train", tokens, motion=False, **draws), states)
-        data = WithUncaptioned(data, corpus, tokens, stage.data["uncaptioned"])
-        held = Pairs(corpus, "val", tokens, all_captions=True, motion=False)
+        data, held = captioned_codes(corpus, tokens, states, **stage.data)
 
-        history = train(stage, model, data, Described(held, states, raw=True), settings, length_sorted=True)
+        history = train(stage, model, data, held, settings, length_sorted=True)
         with stage.publish("models/masked_generator") as folder:
             save_model(folder, "masked_generator", model, corpus.context)
         stage.report({"training": last_losses(history)})

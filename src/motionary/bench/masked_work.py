@@ -81,6 +81,7 @@ def masked_codes(shapes: Shapes) -> Work:
     state_dim()
 
     def run() -> None:
+        """The text as a new one, whose states are not remembered."""
         generator.states = TextStates()
         generator.generate([_sentence(0)], [0], [shapes.masked_tokens * UNIT])
 

@@ -28,7 +28,9 @@ class TokenStore:
     def collect(cls, sequences: Sequence[np.ndarray]) -> TokenStore:
         """From one code sequence per corpus row."""
         offsets = np.concatenate([[0], np.cumsum([len(codes) for codes in sequences])]).astype(np.int64)
-        flat = np.concatenate(sequences) if len(sequences) else np.zeros(0)
+        flat = np.concatenate(sequences) if len(sequences) else np.zeros(0, np.int16)
+        if flat.dtype.kind == "f":
+            return cls(flat.astype(np.float32), offsets)
         small = not flat.size or flat.max() <= np.iinfo(np.int16).max
         return cls(flat.astype(np.int16 if small else np.int32), offsets)
 

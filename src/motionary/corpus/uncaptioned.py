@@ -6,9 +6,11 @@ import numpy as np
 import torch
 
 from motionary.corpus.batch import Batch, Dataset
-from motionary.corpus.datasets import gather
+from motionary.corpus.datasets import Pairs, gather
+from motionary.corpus.described import Described
 from motionary.corpus.store import Corpus
 from motionary.corpus.token_store import TokenStore
+from motionary.language import TextStates
 
 
 class WithUncaptioned:
@@ -49,3 +51,19 @@ class WithUncaptioned:
             batch.token_count[batch.textless] = torch.from_numpy(count)
             batch.clip[batch.textless] = torch.from_numpy(rows)
         return batch
+
+
+def captioned_codes(
+    corpus: Corpus, codes: TokenStore, states: TextStates, every_caption: bool, drop_unit: float, uncaptioned: float
+) -> tuple[WithUncaptioned, Described]:
+    """What a generator of codes trains on and is validated by: captions with the language model's states, and codes.
+
+    Args:
+        codes: of every window of the corpus.
+        every_caption: draw any caption of a window, and units to drop; else its first, and the whole window.
+        drop_unit: see :class:`Pairs`.
+        uncaptioned: share of the draws that are windows without captions.
+    """
+    pairs = Pairs(corpus, "train", codes, motion=False, random=every_caption, drop_unit=drop_unit)
+    held = Pairs(corpus, "val", codes, motion=False, all_captions=True)
+    return WithUncaptioned(Described(pairs, states), corpus, codes, uncaptioned), Described(held, states, raw=True)

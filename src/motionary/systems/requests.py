@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor
@@ -36,3 +36,24 @@ def check_frames(context: Context, sentences: Sequence[Sentence], frames: Sequen
         if isinstance(wanted, bool) or wanted != int(wanted) or not context.unit <= wanted <= context.max_frames:
             raise InputError("frames", wanted, f"must be a whole number from {context.unit} to {context.max_frames}")
     return [int(wanted) for wanted in frames]
+
+
+class Guided(Protocol):
+    """Settings of a generator that guidance leads: its usual scale, and the share of captions it trained without."""
+
+    @property
+    def guidance(self) -> float: ...
+
+    @property
+    def text_dropout(self) -> float: ...
+
+
+def chosen_guidance(config: Guided, guidance: float | None) -> float:
+    """The scale of classifier-free guidance that is asked for, or the config's; InputError for one out of range, or of
+    a model that never trained without text."""
+    chosen = config.guidance if guidance is None else guidance
+    if not 0 <= chosen <= 1000:
+        raise InputError("guidance", chosen, "must be in 0..1000")
+    if chosen != 1 and not config.text_dropout:
+        raise InputError("guidance", chosen, "must be 1: this model was trained without text_dropout")
+    return chosen

@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor, nn
 
-from motionary.nn.layers import masked_mean, positional_encoding
+from motionary.nn.layers import masked_mean
 from motionary.nn.quantizer import nearest_code
+from motionary.systems.masked.flow_head import time_encoding
 from motionary.systems.masked.masked_networks import Memory, TokenReader
 
-_TIMES = 1000.0  # sinusoids tell whole steps apart; a time is in 0..1
 _EDGE = 1e-6  # of the uniform numbers, beside which a normal one would be infinite
 
 
@@ -48,7 +48,7 @@ class FlowDetail(nn.Module):
     ) -> Tensor:
         """x (B, S, 2d): the base's entries over their deviation and x_t; time () or (B,) in 0..1 -> velocity (B, S,
         d)."""
-        at = self.time(positional_encoding(_TIMES * time.expand(len(x)), self.width).to(x.dtype))
+        at = self.time(time_encoding(time.expand(len(x)), self.width).to(x.dtype))
         return self.output(self.reader(self.input(x) + at[:, None], count, memory, text))
 
     def loss(self, entries: Tensor, valid: Tensor, memory: Memory, generator: torch.Generator) -> Tensor:

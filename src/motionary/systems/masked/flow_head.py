@@ -12,6 +12,11 @@ from motionary.nn.layers import positional_encoding
 _TIMES = 1000.0  # sinusoids tell whole steps apart; a time is in 0..1
 
 
+def time_encoding(time: Tensor, dim: int) -> Tensor:
+    """Sinusoids of times (...,) in 0..1 -> (..., dim)."""
+    return positional_encoding(_TIMES * time, dim)
+
+
 class Block(nn.Module):
     """A residual layer whose normalized input is shifted, scaled and gated by a condition (Peebles and Xie, 2023)."""
 
@@ -51,7 +56,7 @@ class FlowHead(nn.Module):
 
     def forward(self, x: Tensor, time: Tensor, told: Tensor) -> Tensor:
         """x (N, dim) at time (N,) in 0..1, told (N, told) -> velocity (N, dim)."""
-        at = self.time(positional_encoding(_TIMES * time, self.width).to(x.dtype))
+        at = self.time(time_encoding(time, self.width).to(x.dtype))
         told = self.told(told)
         condition, x = nn.functional.silu(told + at), self.input(x) + told
         for block in self.blocks:

@@ -14,8 +14,9 @@ from motionary.nn.layers import length_mask
 from motionary.nn.residual_quantizer import NO_CODE
 from motionary.systems.masked.flow_detail import FlowDetail, codes_of, normal_from
 from motionary.systems.masked.masked_generator import MaskedGenerator
-from motionary.systems.masked.masked_networks import Memory, ResidualDetail, Text, TokenReader
+from motionary.systems.masked.masked_networks import Memory, ResidualDetail, Text
 from motionary.systems.masked.masking import masked_counts
+from motionary.systems.masked.text_guidance import TextGuidance
 
 Logits = Callable[[Memory, list[tuple[Tensor, Tensor]]], Tensor]  # of one pass, given what the text says
 
@@ -44,27 +45,6 @@ def draws_needed(model: MaskedGenerator) -> int:
     return (2 * config.iterations + detail) * model.context.max_tokens
 
 
-class TextGuidance:
-    """Passes of one network with a text and, where guidance asks for it, without: none + scale (text - none).
-
-    Both are one batch; the text's keys and values are computed once.
-    """
-
-    def __init__(self, model: MaskedGenerator, reader: TokenReader, text: Text, told: Tensor, scale: float):
-        self.scale, self.twice = scale, scale != 1 and bool(told.any())
-        blank = torch.cat((~told, torch.ones_like(told))) if self.twice else ~told
-        self.memory = model.text(text.twice() if self.twice else text, blank)
-        self.read = reader.read(self.memory)
-
-    def __call__(self, told: Callable[..., Tensor], x: Tensor, count: Tensor) -> Tensor:
-        """(B, S, K) of `told(x, count, memory, read)`: log-probabilities or velocities."""
-        if not self.twice:
-            return told(x, count, self.memory, self.read)
-        both = told(torch.cat((x, x)), torch.cat((count, count)), self.memory, self.read)
-        with_text, without = both.chunk(2)
-        return without + self.scale * (with_text - without)
-
-
 @torch.no_grad()
 def fill(
     model: MaskedGenerator,
@@ -86,10 +66,10 @@ def fill(
     valid = length_mask(count, codes.shape[1])
     noise = noise.unflatten(1, (-1, model.context.max_tokens))[..., : codes.shape[1]]  # (B, passes, S)
     passes = 2 * model.config.iterations
-    guided = TextGuidance(model, model.plan.reader, text, told, drawing.guidance)
+    guided = TextGuidance(model.text, model.plan.reader, text, told, drawing.guidance)
     layers = [_plan(model, guided, codes[..., 0], valid & ~known, count, noise[:, :passes], drawing) * valid]
     if model.config.layers > 1:
-        guided = TextGuidance(model, model.detail.reader, text, told, drawing.detail_guidance)
+        guided = TextGuidance(model.text, model.detail.reader, text, told, drawing.detail_guidance)
         detail = _flow if isinstance(model.detail, FlowDetail) else _residual
         layers += detail(model, guided, layers[0], codes, known, count, noise[:, passes:], drawing)
     untold = torch.where(known[..., None], codes[..., len(layers) :], NO_CODE)

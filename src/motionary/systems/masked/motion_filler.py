@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -19,7 +20,8 @@ from motionary.systems.masked.mask_decoding import Drawing, draws_needed, fill
 from motionary.systems.masked.masked_generator import MaskedGenerator
 from motionary.systems.masked.masked_networks import Text
 from motionary.systems.masked.residual_tokenizer import ResidualTokenizer
-from motionary.systems.requests import check_frames, check_seeds, encode_sentences
+from motionary.systems.masked.text_guidance import text_of
+from motionary.systems.requests import check_frames, check_seeds, chosen_guidance
 
 # Frames for sentences and seeds; the likeliest where asked for.
 DrawLengths = Callable[[Sequence[Sentence], Sequence[int], bool], Sequence[int]]
@@ -112,10 +114,8 @@ class MotionFiller:
 
     def _text(self, sentences: Sequence[Sentence], noise: torch.Tensor) -> Text:
         """The sentences as the model reads them; noise (B, POOL) draws the examples."""
-        words, tags, count = encode_sentences(self.context, sentences, self.device)
-        found = self.states([sentence.text for sentence in sentences])
-        states, state_count = (torch.from_numpy(x).to(self.device) for x in found)
-        return Text(words, tags, count, states, state_count, self.model.examples(states, state_count, noise))
+        text = text_of(sentences, self.context, self.states, self.device)
+        return replace(text, examples=self.model.examples(text.states, text.state_count, noise))
 
     def _drawing(self, options: dict[str, float]) -> Drawing:
         """The config's way of drawing with these options; InputError for an unknown one or one out of range."""
@@ -124,11 +124,7 @@ class MotionFiller:
             if name not in OPTIONS:
                 raise InputError(name, value, f"unknown option; known are {', '.join(OPTIONS)}")
         given = {name: value for name, value in options.items() if value is not None}
-        guidance = given.get("guidance", config.guidance)
-        if not 0 <= guidance <= 1000:
-            raise InputError("guidance", guidance, "must be in 0..1000")
-        if guidance != 1 and not config.text_dropout:
-            raise InputError("guidance", guidance, "must be 1: this model was trained without text_dropout")
+        guidance = chosen_guidance(config, given.get("guidance"))
         sampling = Sampling(
             given.get("temperature", config.temperature), int(given.get("top_k", 0)), given.get("top_p", config.top_p)
         )

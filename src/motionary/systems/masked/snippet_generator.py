@@ -15,10 +15,10 @@ from motionary.nn.noise import normal_noise
 from motionary.nn.padding import by_length
 from motionary.systems.masked.flow_head import flow
 from motionary.systems.masked.masked_autoregression import MaskedAutoregression
-from motionary.systems.masked.masked_networks import Text
 from motionary.systems.masked.masking import masked_counts
 from motionary.systems.masked.motion_filler import DrawLengths
-from motionary.systems.requests import check_frames, check_seeds, encode_sentences
+from motionary.systems.masked.text_guidance import TextGuidance, text_of
+from motionary.systems.requests import check_frames, check_seeds, chosen_guidance
 
 
 class SnippetGenerator:
@@ -61,13 +61,9 @@ class SnippetGenerator:
         check_seeds(sentences, seeds)
         if temperature is not None and not 0 < temperature <= 1000:
             raise InputError("temperature", temperature, "must be above 0, at most 1000")
-        if guidance is not None and not 0 <= guidance <= 1000:
-            raise InputError("guidance", guidance, "must be in 0..1000")
-        if guidance not in (None, 1) and not config.text_dropout:
-            raise InputError("guidance", guidance, "must be 1: this model was trained without text_dropout")
+        scale = chosen_guidance(config, guidance)
         drawn = self.lengths(sentences, seeds, greedy) if frames is None else frames
         wanted = check_frames(self.context, sentences, drawn)
-        scale = config.guidance if guidance is None else guidance
         warmth = 0.0 if greedy else config.temperature if temperature is None else temperature
         results: list[np.ndarray] = [np.zeros(0)] * len(sentences)
         for rows in by_length(wanted, self.chunk):
@@ -83,32 +79,25 @@ class SnippetGenerator:
     def _draw(
         self, sentences: Sequence[Sentence], count: Tensor, noise: Tensor, temperature: float, guidance: float
     ) -> Tensor:
-        """Codes (B, S, told): each pass draws some of the places that are left, in a random order (MAR 3.3)."""
+        """Codes (B, S, told): each pass draws some of the places that are left, in a random order (as MAR)."""
         model, steps = self.model, int(count.max())
-        noise = noise[:, :steps]
-        words, tags, word_count = encode_sentences(self.context, sentences, self.device)
-        found = self.states([sentence.text for sentence in sentences])
-        states, state_count = (torch.from_numpy(x).to(self.device) for x in found)
-        text = Text(words, tags, word_count, states, state_count)
-        copies = 1 if guidance == 1 else 2  # with the text, and without
-        blank = torch.arange(copies * len(count), device=self.device) >= len(count)
-        memory = model.text(text if copies == 1 else text.twice(), blank)
-        read, all_counts = model.reader.read(memory), count.repeat(copies)
+        noise, order = noise[:, :steps, :-1], noise[:, :steps, -1]
+        text = text_of(sentences, self.context, self.states, self.device)
+        guided = TextGuidance(model.text, model.reader, text, torch.ones_like(count, dtype=torch.bool), guidance)
         valid = hidden = length_mask(count, steps)
-        rank = noise[..., -1].masked_fill(~hidden, torch.inf).argsort(1).argsort(1)
-        codes = torch.zeros_like(noise[..., :-1])
+        rank = order.masked_fill(~valid, torch.inf).argsort(1).argsort(1)
+        codes = torch.zeros_like(noise)
         for step in range(model.config.iterations):
             now = hidden & (rank >= masked_counts(count, (step + 1) / model.config.iterations)[:, None])
             if not bool(now.any()):
                 continue
-            embedded = model.embed(codes, valid & ~hidden).repeat(copies, 1, 1)
-            told = model.reader(embedded, all_counts, memory, read).unflatten(0, (copies, -1))[:, now]  # (copies, N, w)
+            embedded = guided.both(model.embed(codes, valid & ~hidden))
+            told = model.reader(embedded, guided.both(count), guided.memory, guided.read)[guided.both(now)]
 
             def velocity(x: Tensor, time: Tensor, told: Tensor = told) -> Tensor:
-                """none + guidance (text - none)."""
-                made = model.head(x.repeat(copies, 1), time.repeat(copies), told.flatten(0, 1)).chunk(copies)
-                return made[0] if copies == 1 else made[1] + guidance * (made[0] - made[1])
+                """Guided by the text."""
+                return guided.mixed(model.head(guided.both(x), guided.both(time), told))
 
-            codes[now] = flow(velocity, temperature * noise[..., :-1][now], model.config.flow_steps).to(codes)
+            codes[now] = flow(velocity, temperature * noise[now], model.config.flow_steps).to(codes)
             hidden = hidden & ~now
         return codes

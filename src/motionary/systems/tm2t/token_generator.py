@@ -13,7 +13,7 @@ from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.nn.decoding import Decoder, Sampling, sample
 from motionary.nn.noise import uniform_noise
-from motionary.systems.requests import check_frames, check_seeds, encode_sentences
+from motionary.systems.requests import check_frames, check_seeds, chosen_guidance, encode_sentences
 from motionary.systems.tm2t.text2token import Text2Token, blank
 from motionary.systems.tm2t.tokenizer import Tokenizer
 
@@ -105,9 +105,7 @@ class TokenGenerator:
             config.top_p if top_p is None else top_p,
         )
         steps = config.max_tokens if lengths is None else max(lengths)
-        guidance = config.guidance if guidance is None else guidance
-        if guidance != 1 and not config.text_dropout:
-            raise InputError("guidance", guidance, "must be 1: this model was trained without text_dropout")
+        guidance = chosen_guidance(config, guidance)
         words = encode_sentences(self.context, sentences, device)
         decoder: Decoder = model.net
         state: Any = model.net.start(*words)

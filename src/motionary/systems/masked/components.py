@@ -25,8 +25,7 @@ def snippet_components(corpus: Corpus, model: MaskedAutoregression) -> tuple[Tok
     kept = model.take_components(_snippets(corpus, model, rows[:: -(-len(rows) // MOST)]))
     features = [corpus.features(i) for i in range(len(corpus))]
     found = BatchedCodec(model).encode(features, progress="codes")
-    offsets = np.concatenate([[0], np.cumsum([len(codes) for codes in found])]).astype(np.int64)
-    return TokenStore(np.concatenate(found).astype(np.float32), offsets), kept
+    return TokenStore.collect(found), kept
 
 
 @torch.no_grad()
