@@ -38,7 +38,7 @@ def check_frames(context: Context, sentences: Sequence[Sentence], frames: Sequen
     return [int(wanted) for wanted in frames]
 
 
-class Guided(Protocol):
+class GuidanceSettings(Protocol):
     """Settings of a generator that guidance leads: its usual scale, and the share of captions it trained without."""
 
     @property
@@ -48,7 +48,7 @@ class Guided(Protocol):
     def text_dropout(self) -> float: ...
 
 
-def chosen_guidance(config: Guided, guidance: float | None) -> float:
+def chosen_guidance(config: GuidanceSettings, guidance: float | None) -> float:
     """The scale of classifier-free guidance that is asked for, or the config's; InputError for one out of range, or of
     a model that never trained without text."""
     chosen = config.guidance if guidance is None else guidance
