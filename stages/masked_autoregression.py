@@ -20,7 +20,7 @@ def main(config):
         corpus, states = Corpus.open(stage.input("data/corpus")), TextStates()
         model, settings = build(stage, corpus.context), stage.training()
         codes, kept = snippet_components(corpus, model)
-        data, held = captioned_codes(corpus, codes, states, **stage.data)
+        data, held = captioned_codes(corpus, codes, states, motion=model.config.decoder_items > 0, **stage.data)
 
         history = train(stage, model, data, held, settings, length_sorted=True)
         with stage.publish("models/masked_autoregression") as folder:

@@ -54,7 +54,13 @@ class WithUncaptioned:
 
 
 def captioned_codes(
-    corpus: Corpus, codes: TokenStore, states: TextStates, every_caption: bool, drop_unit: float, uncaptioned: float
+    corpus: Corpus,
+    codes: TokenStore,
+    states: TextStates,
+    every_caption: bool,
+    drop_unit: float,
+    uncaptioned: float,
+    motion: bool = False,
 ) -> tuple[WithUncaptioned, Described]:
     """What a generator of codes trains on and is validated by: captions with the language model's states, and codes.
 
@@ -63,7 +69,8 @@ def captioned_codes(
         every_caption: draw any caption of a window, and units to drop; else its first, and the whole window.
         drop_unit: see :class:`Pairs`.
         uncaptioned: share of the draws that are windows without captions.
+        motion: also give the features of the captioned windows, those whose codes were replaced included.
     """
-    pairs = Pairs(corpus, "train", codes, motion=False, random=every_caption, drop_unit=drop_unit)
-    held = Pairs(corpus, "val", codes, motion=False, all_captions=True)
+    pairs = Pairs(corpus, "train", codes, motion=motion, random=every_caption, drop_unit=drop_unit)
+    held = Pairs(corpus, "val", codes, motion=motion, all_captions=True)
     return WithUncaptioned(Described(pairs, states), corpus, codes, uncaptioned), Described(held, states, raw=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 
@@ -40,3 +42,19 @@ def position_error(decoded: Tensor, raw: Tensor, frames: Tensor, positions: Colu
     error = (a - b).unflatten(-1, (count, 3)).norm(dim=-1).sum(-1)  # (B, T)
     # The root is where it is in both: it counts as a joint without error.
     return 1000 * masked_mean(error / (count + 1), length_mask(frames, decoded.shape[1]))
+
+
+def foot_speed(joints: Tensor, feet: Sequence[int], stands: Tensor, mask: Tensor, fps: float) -> Tensor:
+    """Mean speed in m/s of feet where they stand, over all feet and steps: a loss on sliding.
+
+    Args:
+        joints: (B, T, J, 3) metres, the root integrated.
+        feet: F of the joints.
+        stands: (B, T - 1, F) from 0 to 1, whether each stands until the next frame.
+        mask: (B, T) valid frames.
+        fps: frames per second.
+    """
+    steps = joints[..., list(feet), :].diff(dim=1)
+    # A hair above 0, where a square root has no finite slope.
+    speed = (steps.square().sum(-1) + 1e-8).sqrt() * fps  # (B, T - 1, F)
+    return masked_mean(stands * speed, mask[:, 1:])

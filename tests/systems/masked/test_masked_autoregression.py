@@ -197,3 +197,50 @@ def test_it_is_built_on_the_autoencoder_and_returns_from_disk(context, tmp_path)
     assert torch.equal(net.validate(batch)["loss"], back.validate(batch)["loss"])
     torch.testing.assert_close(net.decode(batch.tokens), back.decode(batch.tokens))
     torch.testing.assert_close(back.encoder.output.weight, codec.encoder.output.weight)
+
+
+def test_the_decoder_goes_on_from_t2ms_and_the_encoder_stays(context):
+    """Only where it is asked for; reconstruction, speeds, their changes and sliding feet all fall on one batch, and
+    early stopping watches the flow alone."""
+    still = model(context)
+    assert not any(p.requires_grad for p in (*still.encoder.parameters(), *still.decoder.parameters()))
+    net = model(context, components=12, decoder_items=6, decoder_noise=0.0).train()
+    batch, rng = batch_for(context, net), torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        net.take_components(net.encoder(batch.motion, batch.frames).flatten(0, 1))
+    before = [p.clone() for p in net.encoder.parameters()]
+    learned = [p for p in net.parameters() if p.requires_grad]
+    optimizer = torch.optim.AdamW(learned, lr=3e-3)
+    first = net.validate(batch)
+    for _ in range(150):
+        net.loss(batch, 0.0, rng)[0].backward()
+        torch.nn.utils.clip_grad_norm_(learned, 1.0)  # as the loop does
+        optimizer.step()
+        optimizer.zero_grad()
+    last = net.validate(batch)
+    assert last["reconstruction"] < first["reconstruction"]
+    for name in ("velocity", "acceleration"):
+        assert last[name] < 0.8 * first[name], name
+    assert torch.equal(last["loss"], last["flow"])
+    assert all(torch.equal(a, b) for a, b in zip(before, net.encoder.parameters(), strict=True))
+
+
+def test_flow_and_decoder_do_not_pull_at_each_other(context):
+    net = model(context, decoder_items=2).train()
+    batch = batch_for(context, net)
+    net._flow_loss(batch, torch.Generator().manual_seed(0)).backward()
+    assert all(p.grad is None for p in net.decoder.parameters())
+    net.zero_grad()
+    net._decoding_loss(batch, torch.Generator().manual_seed(0))[0].backward()
+    touched = {name.split(".")[0] for name, p in net.named_parameters() if p.grad is not None}
+    assert touched == {"decoder"}
+
+
+def test_of_a_batch_the_decoder_reads_as_many_items_as_it_is_told(context):
+    net = model(context, decoder_items=2, decoder_noise=0.0).eval()
+    batch = batch_for(context, net)
+    value = net.validate(batch)["reconstruction"]
+    batch.motion[2:] += 1
+    assert torch.equal(net.validate(batch)["reconstruction"], value)
+    batch.motion[1] += 1
+    assert not torch.equal(net.validate(batch)["reconstruction"], value)

@@ -19,7 +19,7 @@ from motionary.features import UNIT, HumanML3D
 from motionary.nn.finite_scalar import FiniteScalarQuantizer, check_levels
 from motionary.nn.layers import length_mask, masked_mean
 from motionary.nn.quantizer import usage
-from motionary.nn.reconstruction import position_error
+from motionary.nn.reconstruction import foot_speed, position_error
 from motionary.nn.residual_quantizer import ResidualQuantizer
 from motionary.nn.token_networks import TokenSettings
 from motionary.systems.token_coder import TokenCoder
@@ -139,11 +139,8 @@ class ResidualTokenizer(TokenCoder):
     def _sliding(self, raw: Tensor, mask: Tensor) -> Tensor:
         """Mean speed of the feet in m/s where raw features (B, T, D) say that they stand, the root integrated."""
         assert isinstance(self.codec, HumanML3D)
-        feet = self.codec.joints(raw)[..., self.codec.contact_joints, :]  # (B, T, 4, 3)
-        # A hair above 0, where a square root has no finite slope.
-        speed = ((feet.diff(dim=1).square().sum(-1) + 1e-8).sqrt()) * self.context.fps  # (B, T - 1, 4)
         stands = raw[:, :-1, self.context.columns("contacts")].detach().clamp(0, 1)
-        return masked_mean(stands * speed, mask[:, 1:])
+        return foot_speed(self.codec.joints(raw), self.codec.contact_joints, stands, mask, self.context.fps)
 
 
 def _smooth_l1(difference: Tensor, below: float) -> Tensor:
