@@ -71,8 +71,8 @@ class MaskedAutoregressionConfig:
     velocity_weight: float = 0.1
     acceleration_weight: float = 0.1
     contact_weight: float = 0.2
-    iterations: int = 10
-    flow_steps: int = 16
+    iterations: int = 8
+    flow_steps: int = 8
     temperature: float = 1.0
     guidance: float = 1.5
 
