@@ -152,7 +152,8 @@ SYSTEMS: tuple[System, ...] = (
     System(
         "masked_autoregression", "masked", "masked_autoregression.MaskedAutoregression",
         "masked_autoregression.MaskedAutoregressionConfig", ("autoencoder",), ("text2length",),
-        {CODEC: "open_components", TEXT_TO_MOTION: "open_snippet_generator"}, "build_masked_autoregression",
+        {CODEC: "open_components", TEXT_TO_MOTION: "open_snippet_generator", INFILL: "open_snippet_generator"},
+        "build_masked_autoregression",
         about="Fills in snippet codes in any order, each drawn by a flow from noise (MAR).",
     ),
     # Latent stylization, thesis chapter 5

@@ -156,6 +156,59 @@ def test_guidance_of_zero_does_not_read_the_text(generator):
     np.testing.assert_allclose(alone, both, atol=1e-3)  # one pass, or two of which one counts for nothing
 
 
+def test_known_codes_stay_and_the_others_are_made(generator):
+    rng = np.random.default_rng(0)
+    tokens = [rng.standard_normal((n, 4)).astype(np.float32) for n in (12, 7, 9)]
+    known = [rng.random(len(codes)) < 0.5 for codes in tokens]
+    told = [None, sentences()[0], sentences()[1]]
+    made = generator.infill(tokens, known, told, [0, 1, 2])
+    for codes, fixed, result in zip(tokens, known, made, strict=True):
+        assert result.shape == codes.shape
+        np.testing.assert_array_equal(result[fixed], codes[fixed])
+        assert np.abs(result - codes)[~fixed].min() > 1e-6
+    # What stands at unknown places is not read, nor are the other motions of the call.
+    scrambled = [np.where(fixed[:, None], codes, np.nan) for codes, fixed in zip(tokens, known, strict=True)]
+    for a, b in zip(made, generator.infill(scrambled, known, told, [0, 1, 2]), strict=True):
+        np.testing.assert_array_equal(a, b)
+    alone = generator.infill(tokens[1:2], known[1:2], told[1:2], [1])[0]
+    np.testing.assert_allclose(alone, made[1], atol=1e-5)
+    # What is known is read: other known codes, other codes between them.
+    moved = generator.infill([tokens[0] + 1], known[:1], [None], [0])[0]
+    assert np.abs(moved - made[0])[~known[0]].max() > 1e-3
+    everything = [np.ones(len(codes), bool) for codes in tokens]
+    for a, b in zip(tokens, generator.infill(tokens, everything, told, [0, 1, 2]), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_without_a_text_guidance_changes_nothing(generator):
+    empty, unknown = [np.zeros((6, 4), np.float32)], [np.zeros(6, bool)]
+    a, b = (generator.infill(empty, unknown, [None], [0], guidance=g)[0] for g in (1.0, 7.0))
+    np.testing.assert_array_equal(a, b)
+
+
+def test_codes_come_from_motions_and_go_back_as_the_models_own(generator, batch):
+    motions = [batch.motion[i, : batch.frames[i]].numpy() for i in range(4)]
+    tokens = generator.encode(motions)
+    assert [codes.shape for codes in tokens] == [(8, 4), (6, 4), (4, 4), (7, 4)]
+    expected = generator.model.decode(torch.from_numpy(tokens[1])[None])[0].detach().numpy()
+    np.testing.assert_allclose(generator.decode(tokens)[1], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("codes", "known", "message"),
+    [
+        (np.zeros((4, 3)), np.zeros(4, bool), r"tokens\[0\]: \(4, 3\): must be \(S, 4\) with S in 1..49"),
+        (np.zeros((50, 4)), np.zeros(50, bool), r"tokens\[0\]: \(50, 4\): must be"),
+        (np.zeros((0, 4)), np.zeros(0, bool), r"tokens\[0\]: \(0, 4\): must be"),
+        (np.zeros((4, 4)), np.zeros(5, bool), r"known\[0\]: .*must be bool \(4,\)"),
+        (np.full((4, 4), np.nan), np.ones(4, bool), r"tokens\[0\]: not finite: known codes must be finite"),
+    ],
+)
+def test_codes_that_no_model_has_are_one_line(generator, codes, known, message):
+    with pytest.raises(InputError, match=message):
+        generator.infill([codes], [known], [None], [0])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
