@@ -337,11 +337,19 @@ def test_stylization_is_measured_by_its_own_stage(shipped, tmp_path):
 def test_the_study_of_cmu_has_one_judge_for_all_seeds_and_no_sentence_that_may_not_be_passed_on(repository):
     study = read_study(repository, repository / "conf/cmu_study.yaml")
     configs = [compose(repository, e.overrides) for e in study.experiments]
-    assert [config["seed"] for config in configs] == [0, 0, 0, 0, 0, 1, 1, 2, 2]
+    assert [config["seed"] for config in configs] == [0, 0, 0, 0, 0, 0, 1, 1, 2, 2]
     for config, experiment in zip(configs, study.experiments, strict=True):
         assert config["evaluator"]["seed"] == config["joint_evaluator"]["seed"] - 1 == 0
         assert config["data"]["source_weights"]["kit-ml"] == 0
         assert set(experiment.systems) <= set(config["evaluation"]["systems"])
+
+
+def test_the_study_of_masked_autoregression_has_one_judge_for_all_seeds(repository, tmp_path):
+    study = read_study(repository, repository / "conf/masked_study.yaml", [str(tmp_path)])
+    configs = [compose(repository, e.overrides) for e in study.experiments]
+    assert [config["seed"] for config in configs] == [0, 1, 2]
+    for config in configs:
+        assert config["evaluator"]["seed"] == config["joint_evaluator"]["seed"] - 1 == 0
 
 
 def test_the_second_judge_and_the_feet_stand_beside_the_first_judge(tmp_path):
