@@ -42,10 +42,14 @@ class GuidanceSettings(Protocol):
     """Settings of a generator that guidance leads: its usual scale, and the share of captions it trained without."""
 
     @property
-    def guidance(self) -> float: ...
+    def guidance(self) -> float:
+        """Scale of classifier-free guidance; 1 is off."""
+        ...
 
     @property
-    def text_dropout(self) -> float: ...
+    def text_dropout(self) -> float:
+        """Share of the captions that training left out."""
+        ...
 
 
 def chosen_guidance(config: GuidanceSettings, guidance: float | None) -> float:

@@ -11,9 +11,10 @@ from motionary.systems.io import Trained, open_system
 from motionary.systems.registry import TEXT_TO_LENGTH
 
 if TYPE_CHECKING:
+    from motionary.systems.masked.filler import DrawLengths
     from motionary.systems.masked.masked_autoregression import MaskedAutoregression
     from motionary.systems.masked.masked_generator import MaskedGenerator
-    from motionary.systems.masked.motion_filler import DrawLengths, MotionFiller
+    from motionary.systems.masked.motion_filler import MotionFiller
     from motionary.systems.masked.residual_tokenizer import ResidualTokenizer
     from motionary.systems.masked.snippet_generator import SnippetGenerator
 
