@@ -131,3 +131,15 @@ def test_auto_is_narrow_where_the_processor_has_units_for_it(monkeypatch, has_un
     monkeypatch.setattr(torch.cpu, "_is_amx_tile_supported", lambda: has_units)
     assert make_fabric("cpu", "auto")._precision.precision == named
     assert make_fabric("cpu", 32)._precision.precision == "32-true"
+
+
+@pytest.mark.parametrize(
+    ("known", "asked", "told"), [(False, "bf16-mixed", True), (True, "bf16-mixed", False), (False, "auto", False)]
+)
+def test_bfloat16_that_the_processor_does_not_know_is_told(monkeypatch, capsys, known, asked, told):
+    monkeypatch.setattr(torch.cpu, "_is_amx_tile_supported", lambda: False)
+    monkeypatch.setattr(torch.cpu, "_is_avx512_bf16_supported", lambda: known)
+    fabric = make_fabric("cpu", asked)
+    assert fabric._precision.precision == ("32-true" if asked == "auto" else asked)
+    said = capsys.readouterr().err
+    assert ("precision=auto" in said and said.count("\n") == 1) if told else not said
