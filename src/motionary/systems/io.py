@@ -18,7 +18,8 @@ from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.files import atomic_file, written_by
 from motionary.systems.packing import compact, unpacked
-from motionary.systems.registry import TELLS, System, find, known
+from motionary.systems.protocols import DrawLengths
+from motionary.systems.registry import TELLS, TEXT_TO_LENGTH, System, find, known
 from motionary.systems.renamed import with_new_names
 
 WEIGHTS, CONFIG_FILE = "model.safetensors", "config.json"
@@ -188,6 +189,13 @@ def open_system(name: str, offer: str, models: str | Path, device: str | torch.d
     if offer not in system.offers:
         raise InputError("system", name, f"does not {TELLS.get(offer, offer)}")
     return system.function(system.offers[offer])(Trained(models, device), name)
+
+
+def lengths_of(trained: Trained) -> DrawLengths:
+    """What draws the durations that are not given: the trained text2length."""
+    name = trained.names.get("text2length", "text2length")
+    lengths = open_system(name, TEXT_TO_LENGTH, trained.folder, trained.device)
+    return lambda sentences, seeds, likeliest: lengths.sample(sentences, seeds, likeliest)
 
 
 def model_hash(folder: str | Path) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -17,6 +17,8 @@ if TYPE_CHECKING:  # the page and the shell look offers up without torch
 
 # What a generator hands out: features of the corpus's codec, or, where a system has features of its own, a Motion.
 Made = np.ndarray | Motion
+# Frames for sentences and seeds; the likeliest where asked for.
+DrawLengths = Callable[[Sequence[Sentence], Sequence[int], bool], Sequence[int]]
 
 
 class TextToMotion(Protocol):

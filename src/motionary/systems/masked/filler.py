@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,11 +17,9 @@ from motionary.nn.padding import by_length, pad
 from motionary.systems.codec import BatchedCodec
 from motionary.systems.masked.masked_networks import Text
 from motionary.systems.masked.text_guidance import text_of
-from motionary.systems.protocols import MotionCodec
+from motionary.systems.protocols import DrawLengths, MotionCodec
 from motionary.systems.requests import check_frames, check_seeds
 
-# Frames for sentences and seeds; the likeliest where asked for.
-DrawLengths = Callable[[Sequence[Sentence], Sequence[int], bool], Sequence[int]]
 _NOTHING = Sentence("", (), ())
 
 

@@ -14,10 +14,11 @@ from motionary.nn.decoding import Sampling
 from motionary.nn.noise import uniform_noise
 from motionary.nn.residual_quantizer import NO_CODE
 from motionary.systems.masked.examples import POOL
-from motionary.systems.masked.filler import DrawLengths, Filler
+from motionary.systems.masked.filler import Filler
 from motionary.systems.masked.mask_decoding import Drawing, draws_needed, fill
 from motionary.systems.masked.masked_generator import MaskedGenerator
 from motionary.systems.masked.residual_tokenizer import ResidualTokenizer
+from motionary.systems.protocols import DrawLengths
 from motionary.systems.requests import chosen_guidance
 
 OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")

@@ -13,11 +13,12 @@ from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.nn.layers import length_mask
 from motionary.nn.noise import normal_noise
-from motionary.systems.masked.filler import DrawLengths, Filler
+from motionary.systems.masked.filler import Filler
 from motionary.systems.masked.flow_head import flow
 from motionary.systems.masked.masked_autoregression import MaskedAutoregression
 from motionary.systems.masked.masking import masked_counts
 from motionary.systems.masked.text_guidance import TextGuidance
+from motionary.systems.protocols import DrawLengths
 from motionary.systems.requests import chosen_guidance
 
 

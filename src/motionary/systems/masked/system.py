@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from motionary.corpus.context import Context
 from motionary.errors import configure
-from motionary.systems.io import Trained, open_system
-from motionary.systems.registry import TEXT_TO_LENGTH
+from motionary.systems.io import Trained, lengths_of
 
 if TYPE_CHECKING:
-    from motionary.systems.masked.filler import DrawLengths
     from motionary.systems.masked.masked_autoregression import MaskedAutoregression
     from motionary.systems.masked.masked_generator import MaskedGenerator
     from motionary.systems.masked.motion_filler import MotionFiller
@@ -45,7 +43,7 @@ def open_motion_filler(trained: Trained, name: str) -> MotionFiller:
     """The generator with its codec, and text2length for durations that are not given."""
     from motionary.systems.masked.motion_filler import MotionFiller
 
-    return MotionFiller(trained.load(name), trained.load("residual_tokenizer"), _lengths(trained))
+    return MotionFiller(trained.load(name), trained.load("residual_tokenizer"), lengths_of(trained))
 
 
 def build_masked_autoregression(
@@ -69,12 +67,4 @@ def open_snippet_generator(trained: Trained, name: str) -> SnippetGenerator:
     """The generator, with text2length for durations that are not given."""
     from motionary.systems.masked.snippet_generator import SnippetGenerator
 
-    return SnippetGenerator(trained.load(name), _lengths(trained))
-
-
-def _lengths(trained: Trained) -> DrawLengths:
-    """What draws the durations that are not given."""
-    lengths = open_system(
-        trained.names.get("text2length", "text2length"), TEXT_TO_LENGTH, trained.folder, trained.device
-    )
-    return lambda texts, seeds, likeliest: lengths.sample(texts, seeds, likeliest)
+    return SnippetGenerator(trained.load(name), lengths_of(trained))

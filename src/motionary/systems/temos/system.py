@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from motionary.corpus.context import Context
 from motionary.errors import configure
-from motionary.systems.io import Trained, model_hash, open_system
-from motionary.systems.registry import TEXT_TO_LENGTH
+from motionary.systems.io import Trained, lengths_of, model_hash
 from motionary.whole import check_output
 
 if TYPE_CHECKING:
@@ -31,10 +30,7 @@ def open_generator(trained: Trained, name: str) -> TemosGenerator:
     """The generator of motions, with text2length for durations that are not given."""
     from motionary.systems.temos.temos_generator import TemosGenerator
 
-    lengths = open_system(
-        trained.names.get("text2length", "text2length"), TEXT_TO_LENGTH, trained.folder, trained.device
-    )
-    return TemosGenerator(trained.load(name), lambda texts, seeds, likeliest: lengths.sample(texts, seeds, likeliest))
+    return TemosGenerator(trained.load(name), lengths_of(trained))
 
 
 def open_joint_space(trained: Trained, name: str) -> JointSpace:

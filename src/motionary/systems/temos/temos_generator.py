@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -17,11 +17,9 @@ from motionary.motion import Motion, resample
 from motionary.nn.gaussian import Gaussian
 from motionary.nn.noise import normal_noise
 from motionary.nn.padding import pad
+from motionary.systems.protocols import DrawLengths
 from motionary.systems.requests import check_frames, check_seeds
 from motionary.systems.temos.temos import Temos
-
-# Frames for sentences and seeds; the likeliest where asked for.
-DrawLengths = Callable[[Sequence[Sentence], Sequence[int], bool], Sequence[int]]
 
 
 class TemosGenerator:
