@@ -1,4 +1,5 @@
-"""A calibration pose put before the motion, as in cgspeed's files: told by its shape and by the jump out of it."""
+"""A calibration pose put before the motion, as in cgspeed's files: told by its shape and by the jump out of it. One
+frame of it is left out; several are only told, since times that people note beside a file count them."""
 
 from __future__ import annotations
 
@@ -18,6 +19,23 @@ DOUBT = (
     "the first frame may be a calibration pose: it was kept "
     "(say otherwise with --skip-first; in Python skip_first=True)"
 )
+_HELD = 1e-3  # metres: no joint moves farther while a pose is held
+
+
+def held_calibration(roles: Mapping[str, int], positions: np.ndarray) -> int:
+    """How many frames a T-pose is held at the start, to the millimetre, before the joints jump out of it by 5 cm
+    or more on average; 0 where it is one frame, which `is_calibration` judges, or none. Arguments as there."""
+    if not len(positions) or not _in_t_pose(roles, positions[0]):
+        return 0
+    moved = (t for t in range(1, len(positions)) if np.abs(positions[t] - positions[0]).max() > _HELD)
+    held = next(moved, 0)
+    return held if held > 1 and _steps(positions[held - 1 : held + 1])[0] > _JUMP else 0
+
+
+def held_line(held: int, fps: float) -> str:
+    """The line that tells of so many frames."""
+    start = f"the motion seems to begin at {held / fps:.2f} s: --start; in Python motion.crop({held}, motion.frames)"
+    return f"the first {held} frames hold a calibration pose and were kept ({start})"
 
 
 def is_calibration(roles: Mapping[str, int], positions: np.ndarray, rotations: np.ndarray) -> bool | None:
@@ -34,8 +52,7 @@ def is_calibration(roles: Mapping[str, int], positions: np.ndarray, rotations: n
         positions: (T, J, 3) metres, y up.
         rotations: (T, J, 4) local.
     """
-    names = [f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in _SIDES]
-    if len(positions) < 3 or not set(names) <= roles.keys() or not _is_t_pose(_limbs(roles, positions[0])):
+    if len(positions) < 3 or not _in_t_pose(roles, positions[0]):
         return False
     steps = np.concatenate(
         [_steps(positions[max(some.start - 1, 0) : some.stop]) for some in stretches(len(positions))]
@@ -46,6 +63,12 @@ def is_calibration(roles: Mapping[str, int], positions: np.ndarray, rotations: n
     even = [_is_t_pose(limbs) and _symmetric(limbs) for limbs in (_limbs(roles, positions[i]) for i in (0, 1))]
     exact = (resting[0] and not resting[1]) or (even[0] and not even[1])
     return True if exact or steps[0] > _TIMES * np.percentile(steps[1:], 95) else None
+
+
+def _in_t_pose(roles: Mapping[str, int], points: np.ndarray) -> bool:
+    """Whether points (J, 3) are a T-pose; False where the limbs' roles are not known."""
+    names = {f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in _SIDES}
+    return names <= roles.keys() and _is_t_pose(_limbs(roles, points))
 
 
 def _limbs(roles: Mapping[str, int], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

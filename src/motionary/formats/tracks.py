@@ -9,7 +9,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.formats.animated_rig import Track, kept, stretches
-from motionary.formats.first_frame import DOUBT, is_calibration
+from motionary.formats.first_frame import DOUBT, held_calibration, held_line, is_calibration
 from motionary.formats.read.extent import FARTHEST
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
@@ -62,6 +62,8 @@ def to_motion(
     skip = is_calibration(roles, positions, rotations) if options.skip_first is None else options.skip_first
     if skip is None:
         reading = replace(reading, notes=(*reading.notes, DOUBT))
+    if options.skip_first is None and (held := held_calibration(roles, positions)):
+        reading = replace(reading, notes=(*reading.notes, held_line(held, fps)))
     if skip and len(positions) > 1:
         positions, rotations = positions[1:], rotations[1:]
         reading = replace(reading, skipped_first=True)

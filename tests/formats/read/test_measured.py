@@ -134,6 +134,23 @@ def test_a_t_pose_before_a_walk_of_a_rig_that_rests_otherwise_is_left_out(tmp_pa
             assert not any("calibration" in n for n in read_motion_with(tmp_path / "a.bvh", skip_first=skip)[1].notes)
 
 
+@pytest.mark.parametrize(("held", "back"), [(2, 0), (12, 0), (12, 12)])
+def test_a_t_pose_that_is_held_before_the_motion_is_kept_and_told(tmp_path, held, back):
+    """Times beside a file count its frames, so none is left out; a body that leaves the pose slowly holds it itself."""
+    world, root = person("stands")
+    rest = np.tile([0.0, 0, 0, 1], (1, 22, 1))
+    share = np.linspace(0, 1, back + 2)[1:-1, None, None]
+    way = rest * (1 - share) + world[:1] * np.where((world[:1] * rest).sum(-1, keepdims=True) < 0, -1, 1) * share
+    frames = np.concatenate([np.repeat(rest, held, 0), way / np.linalg.norm(way, axis=-1, keepdims=True), world])
+    places = np.concatenate([np.repeat(root[:1], held + back, 0), root])
+    (tmp_path / "a.bvh").write_text(written(frames, places, "y", "t"))
+    motion, reading = read_motion_with(tmp_path / "a.bvh")
+    assert (motion.frames, reading.skipped_first) == (len(frames), False)
+    told = [note for note in reading.notes if f"the first {held} frames hold a calibration pose" in note]
+    assert len(told) == (back == 0)
+    assert all(f"{held / motion.fps:.2f} s" in note for note in told)
+
+
 def test_a_unit_that_was_given_and_fits_nobody_is_said(tmp_path):
     (tmp_path / "a.bvh").write_text(written(*person("stands"), "y", "t"))
     motion, reading = read_motion_with(tmp_path / "a.bvh", unit="m")
