@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from acclaim_files import amc, asf
 from planted import FAULTS
 
 from motionary.archive import Archive, index_folder
@@ -93,6 +94,52 @@ def test_what_a_listing_says_stays(tmp_path, pipeline):
     assert line["subject"] == "s"
     assert line["captions"][0] == said
     assert not (folder / "captions.jsonl").exists()
+
+
+def test_what_a_listing_says_of_reading_stays_however_it_spells_the_path(tmp_path, pipeline):
+    folder = tmp_path / "listed"
+    (folder / "day").mkdir(parents=True)
+    motion = demo_clip(3, 5)[0]
+    np.save(folder / "day" / "a.npy", motion.positions[..., [0, 2, 1]] * [1, -1, 1] * 100)  # z up, centimetres
+    told = {"motion": "./day//a.npy", "fps": motion.fps, "up": "z", "unit": "cm", "mirror": False}
+    (folder / "clips.jsonl").write_text(json.dumps(told) + "\n")
+    index_folder(folder, pipeline / "models", tmp_path / "out", "cpu", 1, progress=False)
+    (line,) = lines(tmp_path / "out" / "captions.jsonl")
+    assert {key: line[key] for key in told} == told
+
+
+def test_a_folder_of_which_nothing_can_be_read_is_graded_and_read_when_it_can(tmp_path, pipeline):
+    """What is mended, in the file or beside it, is read by the next run; rows of the past do not pile up."""
+    options = {"models": pipeline / "models", "device": "cpu", "workers": 1, "progress": False}
+    folder = tmp_path / "mocap"
+    folder.mkdir()
+    motion = demo_clip(3, 5)[0]
+    motion.save(folder / "a.bvh")
+    whole = (folder / "a.bvh").read_text()
+    (folder / "a.bvh").write_text(whole[:200])
+    found = index_folder(folder, **options)
+    assert (found["clips"], found["windows"], found["flagged"]) == (1, 0, {"unreadable": 1})
+    assert lines(folder / "captions.jsonl") == []
+    (told,) = lines(folder / "flags.jsonl")
+    assert list(told["flags"]) == ["unreadable"]
+    for _ in range(2):
+        (folder / "a.bvh").write_text(whole)
+        found = index_folder(folder, **options)
+        assert (found["clips"], found["flagged"]) == (1, {})
+        assert found["windows"] > 0
+    assert len(list(folder.glob(".motionary/parts-*/[!.]*.part"))) == 1
+
+
+def test_a_skeleton_that_is_put_beside_a_motion_or_changed_is_read(tmp_path, pipeline):
+    options = {"models": pipeline / "models", "device": "cpu", "workers": 1, "progress": False}
+    folder = tmp_path / "mocap"
+    folder.mkdir()
+    (folder / "02_01.amc").write_text(amc(60))
+    for skeleton, readable in ((None, False), (asf(), True), (asf()[:100], False), (asf(), True)):
+        if skeleton is not None:
+            (folder / "02.asf").write_text(skeleton)
+        found = index_folder(folder, **options)
+        assert ("unreadable" not in found["flagged"], found["windows"] > 0) == (readable, readable)
 
 
 def test_a_moment_is_found_by_its_own_place(recordings, indexed, pipeline):

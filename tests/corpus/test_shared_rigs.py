@@ -159,4 +159,4 @@ def stored_rows(root: Path) -> list:
     from motionary.archive.parts import stored
 
     (parts,) = (root / HIDDEN).glob("parts-*")
-    return [row for part in stored(parts) for row in part.clips]
+    return [row for _, part in stored(parts) for row in part.clips]

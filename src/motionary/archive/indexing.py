@@ -16,7 +16,7 @@ from motionary.archive.parts import SUFFIX, ArchivePart, ClipRow, Readers, make_
 from motionary.archive.writing_out import HIDDEN, write_out
 from motionary.corpus.clips import Clip
 from motionary.corpus.shared_rigs import with_shared_rigs
-from motionary.corpus.sources import checked_root, source_of
+from motionary.corpus.sources import FileMotion, checked_root, source_of
 from motionary.corpus.workers import in_order
 from motionary.dictionary import Dictionary, load
 from motionary.errors import InputError, check_whole
@@ -67,7 +67,8 @@ def index_folder(
     workers = workers or os.cpu_count() or 1
     clips = with_shared_rigs(clips, workers)
     parts = out / HIDDEN / f"parts-{version['key']}"
-    wanted = {_key(clip, file): (clip, file) for clip, file in _named(clips, folder)}
+    rigs: dict[Path, list[Path]] = {}
+    wanted = {_key(clip, file, rigs): (clip, file) for clip, file in _named(clips, folder)}
     _make(parts, wanted, readers, workers, progress)
     found = write_out(folder, out, _ordered(parts, wanted), version, progress)
     for old in (out / HIDDEN).glob("parts-*"):
@@ -95,21 +96,48 @@ def _named(clips: Sequence[Clip], folder: Path) -> Iterator[tuple[Clip, str]]:
         yield clip, os.path.relpath(getattr(clip.load, "path", clip.where), folder)
 
 
-def _key(clip: Clip, file: str) -> str:
-    """Names a clip's file as it is now, and how it is read."""
-    try:
-        state = os.stat(getattr(clip.load, "path", clip.where))
-        stamp = (state.st_size, state.st_mtime_ns)
-    except OSError:
-        stamp = (0, 0)
-    told = json.dumps([file, *stamp, clip.fps, repr(clip.load)])
+def _key(clip: Clip, file: str, rigs: dict[Path, list[Path]]) -> str:
+    """Names a clip's file, and what is read beside it, as they are now, and how it is read; `rigs` keeps the .asf files
+    of each folder."""
+    path = Path(getattr(clip.load, "path", clip.where))
+    stamps = [_stamp(one) for one in (path, *_companions(path, clip, rigs))]
+    told = json.dumps([file, *stamps, clip.fps, repr(clip.load)])
     return hashlib.sha256(told.encode()).hexdigest()[:24]
 
 
+def _stamp(path: Path) -> tuple[int, int]:
+    try:
+        state = path.stat()
+        return state.st_size, state.st_mtime_ns
+    except OSError:
+        return 0, 0
+
+
+def _companions(path: Path, clip: Clip, rigs: dict[Path, list[Path]]) -> list[Path]:
+    """Files beside a motion that change what it shows: its skeletons, its buffer, its body."""
+    found: list[Path] = []
+    if (kind := path.suffix.lower()) == ".amc":
+        if path.parent not in rigs:
+            rigs[path.parent] = sorted(one for one in path.parent.iterdir() if one.suffix.lower() == ".asf")
+        found += rigs[path.parent]
+    elif kind == ".gltf":
+        found.append(path.with_suffix(".bin"))
+    options = clip.load.options if isinstance(clip.load, FileMotion) else None
+    if options is not None and options.body is not None:
+        found.append(Path(options.body))
+    return found
+
+
 def _make(parts: Path, wanted: dict[str, tuple[Clip, str]], readers: Readers, workers: int, progress: bool) -> None:
-    """The parts that are not there yet."""
+    """The parts that are not there yet; those of which nothing is wanted any more go. What could not be read is tried
+    again: the disk or the network may be well by now."""
     parts.mkdir(parents=True, exist_ok=True)
-    done = {row.key for part in stored(parts) for row in part.clips}
+    done: set[str] = set()
+    for path, part in stored(parts):
+        if any(row.key in wanted for row in part.clips):
+            done.update(row.key for row in part.clips if not row.problem)
+        else:
+            path.unlink(missing_ok=True)
     left = [(clip, file, key) for key, (clip, file) in wanted.items() if key not in done]
     jobs = [(some, readers, str(parts / f"{_name(some)}{SUFFIX}")) for some in _grouped(left)]
     with tqdm(
@@ -148,9 +176,10 @@ def _name(some: Sequence[tuple[Clip, str, str]]) -> str:
 def _ordered(parts: Path, wanted: dict[str, tuple[Clip, str]]) -> list[tuple[Clip, ClipRow, ArchivePart, int]]:
     """Every wanted clip in the order of its listing: its row, its part, and where in that its windows begin."""
     found: dict[str, tuple[ClipRow, ArchivePart, int]] = {}
-    for part in stored(parts):
+    for _, part in stored(parts):
         first = 0
         for row in part.clips:
-            found[row.key] = (row, part, first)
+            if row.key not in found or not row.problem:  # an older part may hold a problem that is none any more
+                found[row.key] = (row, part, first)
             first += len(row.windows)
     return [(clip, *found[key]) for key, (clip, _) in wanted.items() if key in found]

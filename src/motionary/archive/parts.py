@@ -129,12 +129,12 @@ def _read(clip: Clip, row: ClipRow, readers: Readers) -> tuple[ClipRow, list[Cut
     return row, []
 
 
-def stored(folder: Path) -> list[ArchivePart]:
-    """The parts of a folder; one that cannot be read (a disk that failed) is made anew."""
+def stored(folder: Path) -> list[tuple[Path, ArchivePart]]:
+    """The parts of a folder, each with its file; one that cannot be read (a disk that failed) is made anew."""
     found = []
     for path in sorted(folder.glob(f"[!.]*{SUFFIX}")):
         try:
-            found.append(ArchivePart.load(path))
+            found.append((path, ArchivePart.load(path)))
         except Exception:
             path.unlink(missing_ok=True)
     return found

@@ -85,7 +85,7 @@ def _write_index(
     """`clips.parquet`, `windows.parquet`, `embeddings.npy` and `index.json`, as one folder."""
     clips = [
         {name: value for name, value in asdict(row).items() if name not in ("key", "windows")}
-        | {"flags": json.dumps(own)}
+        | {"measures": json.dumps(row.measures), "flags": json.dumps(own)}
         for row, own in zip(rows, suspected, strict=True)
     ]
     names = ("clip", "start", "end", "caption")
@@ -103,7 +103,7 @@ def _captions(
     folder: Path, read: Sequence[Read], suspected: Sequence[Mapping[str, str]], captioner: str
 ) -> Iterator[dict[str, Any]]:
     """A line of `clips.jsonl` for each sound clip: what its listing says, and the captions that were made."""
-    listed = _listed(folder / "clips.jsonl")
+    listed = _listed(folder)
     for (clip, row, _, _), broken in zip(read, suspected, strict=True):
         if broken:
             continue
@@ -125,15 +125,16 @@ def _line(clip: Clip, row: ClipRow) -> dict[str, Any]:
     return {"motion": row.file, **rate, **labels, "captions": said}
 
 
-def _listed(path: Path) -> dict[str, dict[str, Any]]:
-    """The lines of `clips.jsonl` by motion; what cannot be read was said when the clips were listed."""
+def _listed(folder: Path) -> dict[str, dict[str, Any]]:
+    """The lines of a folder's `clips.jsonl` by motion, however they spell its path; what cannot be read was said when
+    the clips were listed."""
     found: dict[str, dict[str, Any]] = {}
-    if not path.is_file():
+    if not (path := folder / "clips.jsonl").is_file():
         return found
     for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines():
         try:
             values = json.loads(line)
-            found.setdefault(values["motion"], values)
+            found.setdefault(os.path.normpath(values["motion"]), values)
         except (ValueError, KeyError, TypeError, RecursionError):
             continue
     return found
