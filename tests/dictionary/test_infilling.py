@@ -7,6 +7,7 @@ import pytest
 
 from motionary.corpus.demo import demo_clip
 from motionary.corpus.store import Corpus
+from motionary.dictionary import load
 from motionary.dictionary.infilling import infilled
 from motionary.motion import Motion, retarget
 
@@ -50,3 +51,30 @@ def test_what_lies_outside_is_known_and_as_many_frames_come_back(context, walk, 
     assert len(unknown) * context.unit < made.frames + 2 * context.unit
     assert len(echo.known) <= context.max_tokens
     assert echo.known.any()
+
+
+@pytest.mark.parametrize(("frames", "span"), [(42, (1, 41)), (43, (2, 40)), (9, (1, 8))])
+def test_a_single_pose_on_each_side_is_seen(context, walk, frames, span):
+    """Held for a token: the first and the last token are known, and show the pose."""
+    echo = Echo(context)
+    made = infilled(echo, walk.crop(0, frames), span, None, 7)
+    assert made.frames == span[1] - span[0]
+    assert echo.known[[0, -1]].tolist() == [True, True]
+    assert (~echo.known).sum() * context.unit < made.frames + context.unit
+
+
+def test_what_one_side_does_not_need_the_other_shows(context, walk):
+    """A span near the end leaves all the room that is left to what comes before it."""
+    long = Motion(np.tile(walk.positions, (4, 1, 1))[: 2 * context.max_frames], walk.fps, walk.skeleton)
+    echo = Echo(context)
+    infilled(echo, long, (long.frames - 30, long.frames - 6), None, 7)
+    assert len(echo.known) == context.max_tokens
+    assert echo.known.sum() * context.unit >= context.max_frames - 24 - 2 * context.unit
+
+
+def test_a_span_as_long_as_systems_learn_needs_a_sentence(context, walk, pipeline):
+    long = Motion(np.tile(walk.positions, (4, 1, 1))[: context.max_frames + 20], walk.fps, walk.skeleton)
+    echo, span = Echo(context), (20, context.max_frames + 20)
+    assert infilled(echo, long, span, None, 7) is None
+    sentence = load(pipeline / "models", "cpu")._sentences("a person walks")[0]
+    assert infilled(echo, long, span, sentence, 7).frames == context.max_frames

@@ -56,7 +56,8 @@ class Editing(Generating):
         Args:
             first, last: poses or motions, where they are; motions also say how fast it begins and ends.
             seconds: from the one pose to the other.
-            text: what happens between them; None leaves it to a system that sees both, else takes the shortest way.
+            text: what happens between them; None leaves it to a system that sees both, else, and where seconds are all
+                that systems learn, takes the shortest way.
             seed, system, feet: as of `generate`.
 
         Raises:
@@ -71,8 +72,9 @@ class Editing(Generating):
             rule = f"poses are {away:.1f} m apart; a person runs {FASTEST:g} m/s"
             raise InputError("seconds", f"{seconds:g}", rule)
         whole, span = _with_gap(head, tail, frames), (head.frames, head.frames + frames)
-        shortest = text is None and self._infiller(system) is None
-        piece = None if shortest else self._piece(whole, span, text, seed, system, feet)
+        piece = self._seen(whole, span, text, seed, system)
+        if piece is None and text is not None:
+            piece = self._told(whole, span, text, seed, system, feet)
         made = edited(whole, span, piece, feet)
         return made.crop(head.frames - 1, head.frames + frames + 1)
 
@@ -85,7 +87,8 @@ class Editing(Generating):
         Args:
             motion: on any rig that can be retargeted, at any rate.
             seconds: of what is added.
-            text: what happens then; None leaves it to a system that sees the motion, else goes on as its caption says.
+            text: what happens then; None leaves it to a system that sees the motion, else, and where seconds are all
+                that systems learn, goes on as its caption says.
             seed, system, feet: as of `generate`.
 
         Raises:
@@ -101,18 +104,32 @@ class Editing(Generating):
     def _piece(
         self, whole: Motion, span: tuple[int, int], text: str | None, seed: int, system: str | None, feet: bool
     ) -> Motion:
-        """What comes into a span of a motion: by a system that sees what is around it, else by the text alone."""
+        """What comes into a span of a motion: by a system that sees what is around it, else by a text alone, which is
+        the caption of what comes before where none is given."""
+        if (seen := self._seen(whole, span, text, seed, system)) is not None:
+            return seen
+        said = self._caption(whole.crop(0, span[0])) if text is None else text
+        return self._told(whole, span, said, seed, system, feet)
+
+    def _seen(
+        self, whole: Motion, span: tuple[int, int], text: str | None, seed: int, system: str | None
+    ) -> Motion | None:
+        """By a system that sees what is around the span; None where there is none, or nothing that it could see."""
+        if (infiller := self._infiller(system)) is None:
+            return None
+        check_whole("seed", seed, 0)
+        sentence = None if text is None else self._sentences(text)[0]
+        with self._lock:
+            return infilled(infiller, whole, span, sentence, seed)
+
+    def _told(
+        self, whole: Motion, span: tuple[int, int], text: str, seed: int, system: str | None, feet: bool
+    ) -> Motion:
+        """By a text alone."""
         context, frames = self._maker(system), span[1] - span[0]
-        if (infiller := self._infiller(system)) is not None:
-            check_whole("seed", seed, 0)
-            sentence = None if text is None else self._sentences(text)[0]
-            with self._lock:
-                return infilled(infiller, whole, span, sentence, seed)
         unit = context.unit
         seconds = min(max(math.ceil(frames / unit), 1) * unit, context.max_frames) / context.fps
-        (made,) = self.generate(
-            self._told(whole.crop(0, span[0])) if text is None else text, 1, seconds, system, seed, feet
-        )
+        (made,) = self.generate(text, 1, seconds, system, seed, feet)
         return made.crop(0, min(frames, made.frames))
 
     def _infiller(self, system: str | None) -> MotionInfiller | None:
@@ -121,7 +138,7 @@ class Editing(Generating):
         name = system if system in names else None if system is not None else next(iter(names), None)
         return None if name is None else self._open(INFILL, name)
 
-    def _told(self, motion: Motion) -> str:
+    def _caption(self, motion: Motion) -> str:
         """What a motion shows, by the usual captioner."""
         if not self.offering(MOTION_TO_TEXT):
             raise InputError("text", "none", "must be given: none of these models writes captions")
