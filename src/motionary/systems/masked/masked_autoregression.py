@@ -202,7 +202,11 @@ class MaskedAutoregression(Trainable):
         their changes, and feet that stand where the real ones do."""
         config, unit, fps = self.config, self.context.unit, self.context.fps
         assert isinstance(self.codec, HumanML3D)
-        raw, frames = batch.motion[: config.decoder_items], batch.frames[: config.decoder_items]
+        # At random: batches are sorted by length, and the first would always be the shortest.
+        rows = torch.randperm(len(batch.frames), generator=generator, device=batch.frames.device)
+        rows = rows[: config.decoder_items]
+        raw, frames = batch.motion[rows], batch.frames[rows]
+        raw = raw[:, : int(frames.max())]
         codes, count = self.encode(raw, frames), torch.div(frames, unit, rounding_mode="floor")
         spread = torch.rand(len(codes), 1, 1, generator=generator, device=codes.device)
         noise = torch.randn(codes.shape, generator=generator, device=codes.device)

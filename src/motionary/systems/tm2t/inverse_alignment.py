@@ -106,7 +106,10 @@ class InverseAlignment(Text2Token):
         """
         if not self._reader:
             raise InputError("models/motion2text", "missing", "call learn_from(motion2text) before training")
-        rows = slice(0, max(1, round(self.config.sampled_share * len(batch.words))))
+        rows: Tensor | slice = slice(None)
+        if self.config.sampled_share < 1:  # at random: batches are sorted by length
+            rows = torch.randperm(len(batch.words), generator=generator, device=batch.words.device)
+            rows = rows[: max(1, round(self.config.sampled_share * len(rows)))]
         words, count = batch.words[rows], batch.word_count[rows]
         tags = None if batch.tags is None else batch.tags[rows]
         net = cast(TokenGRU, self.net)
@@ -119,7 +122,7 @@ class InverseAlignment(Text2Token):
         source, mask = self._as_source(samples, start)  # (R, S + 1, K + 3), (R, S + 1)
         reader = self._reader[0].to(words.device)
         said = words if reader.config.wording == "normalized" else batch.said[rows]
-        losses, valid = reader.nll(*reader.tagged(reader.embed(source), mask, batch), said)  # (R, N - 1) both
+        losses, valid = reader.nll(*reader.tagged(reader.embed(source), mask, batch, rows), said)  # (R, N - 1) both
         return losses.sum() / valid.sum(), mask.sum(1).float().mean() - 2  # without start and end
 
     def _as_source(self, samples: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:

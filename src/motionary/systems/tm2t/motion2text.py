@@ -151,15 +151,17 @@ class Motion2Text(Trainable):
             ids = ids.masked_fill(hidden & (ids < self.codes), self.pad_token)
         return self.tagged(self.embed(ids), mask, batch)
 
-    def tagged(self, source: Tensor, mask: Tensor, of: SourcedBatch | int) -> tuple[Tensor, Tensor]:
-        """An embedded source (B, S, width) and its mask, with a tag before it: of each caption's source, those of a
-        batch's first B captions, or all of one number; as they are where the model knows no sources. (The paper trains
-        on one source at a time.)
+    def tagged(
+        self, source: Tensor, mask: Tensor, of: SourcedBatch | int, rows: Tensor | slice = slice(None)
+    ) -> tuple[Tensor, Tensor]:
+        """An embedded source (B, S, width) and its mask, with a tag before it: of each caption's source, those of these
+        rows of a batch, or all of one number; as they are where the model knows no sources. (The paper trains on one
+        source at a time.)
         """
         if self.tags is None:
             return source, mask
         one = isinstance(of, int)
-        ids = torch.full_like(mask[:, 0], of, dtype=torch.long) if one else of.source[: len(source)]
+        ids = torch.full_like(mask[:, 0], of, dtype=torch.long) if one else of.source[rows]
         return torch.cat((self.tags(ids)[:, None], source), dim=1), F.pad(mask, (1, 0), value=True)
 
     @torch.no_grad()
