@@ -47,6 +47,28 @@ def test_a_bad_line_is_one_problem_and_the_rest_stays(tmp_path, folder_of, bad, 
     assert rule in problems[0].rule
 
 
+@pytest.mark.parametrize(
+    "spelled", ["motions\\\\g\u00f6\u00f6d.npy", "./motions/g\u00f6\u00f6d.npy", "motions/go\u0308o\u0308d.npy"]
+)
+@pytest.mark.parametrize("stored", ["g\u00f6\u00f6d.npy", "go\u0308o\u0308d.npy"])
+def test_paths_as_windows_and_macos_spell_them(tmp_path, folder_of, spelled, stored):
+    folder_of(tmp_path, [line("good", "a run")])
+    (tmp_path / "motions" / "good.npy").rename(tmp_path / "motions" / stored)
+    (tmp_path / "clips.jsonl").write_text(json.dumps(line("good", "a run") | {"motion": spelled}) + "\n")
+    clips, problems = listed(tmp_path)
+    assert problems == []
+    assert Path(clips[0].load.path) == tmp_path / "motions" / stored
+
+
+@pytest.mark.parametrize("name", ["CLIPS.JSONL", "clips.json", "clips.jsonl.txt"])
+def test_a_listing_under_another_name_is_told(tmp_path, folder_of, name):
+    folder_of(tmp_path, [line("good", "a run")])
+    (tmp_path / "clips.jsonl").rename(tmp_path / name)
+    clips, problems = listed(tmp_path)
+    assert len(clips) == 1
+    assert [(Path(p.what).name, p.rule) for p in problems] == [(name, "must be called clips.jsonl")]
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
 def test_listings_in_the_encodings_of_windows(tmp_path, folder_of, encoding):
     folder_of(tmp_path, [line("first", "a walk to a café"), line("good", "a run")])

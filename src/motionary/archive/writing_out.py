@@ -17,7 +17,8 @@ import pyarrow.parquet as pq
 from motionary.archive.duplicates import Pair, near_duplicates
 from motionary.archive.flags import Told, flags
 from motionary.archive.parts import ArchivePart, ClipRow
-from motionary.corpus.clips import Clip
+from motionary.corpus.clips import Clip, inside
+from motionary.errors import InputError
 from motionary.files import atomic_folder, save_array, write_bytes
 
 HIDDEN, INDEX = ".motionary", "index"
@@ -134,8 +135,8 @@ def _listed(folder: Path) -> dict[str, dict[str, Any]]:
     for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines():
         try:
             values = json.loads(line)
-            found.setdefault(os.path.normpath(values["motion"]), values)
-        except (ValueError, KeyError, TypeError, RecursionError):
+            found.setdefault(str(inside(folder, values, "clips.jsonl")), values)
+        except (InputError, ValueError, AttributeError, RecursionError):
             continue
     return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -172,24 +173,30 @@ def label(values: dict[str, Any], key: str, where: str) -> str:
 
 
 def inside(root: Path, values: dict[str, Any], where: str) -> PurePosixPath:
-    """The path of a listed motion, relative to its folder; it must exist there and be of a known kind."""
+    """The path of a listed motion, relative to its folder; it must exist there and be of a known kind. Where it does
+    not, Windows' separators and the other composition of accents, as macOS stores names, are tried."""
     value = values.get("motion")
     if not isinstance(value, str) or not value:
         raise InputError(f"{where}: motion", value, "must be the path of a motion file inside the folder")
-    relative = PurePosixPath(value)
+    spelled = (value, value.replace("\\", "/"))
+    ways = (unicodedata.normalize(form, way) for way in spelled for form in ("NFC", "NFD"))
+    relative = PurePosixPath(next((way for way in (value, *ways) if _is_file(root / way)), value))
     if relative.is_absolute() or ".." in relative.parts:
         raise InputError(f"{where}: motion", value, "must stay inside the folder")
     if relative.suffix.lower() not in MOTION_FILES:
         raise InputError(f"{where}: motion", value, f"must end in {', '.join(MOTION_FILES)}")
     check_unicode(value, f"{where}: motion")
-    try:
-        found = (root / relative).is_file()
-    except OSError:  # longer than a name can be
-        found = False
-    if not found:
+    if not _is_file(root / relative):
         raise InputError(f"{where}: motion", value, "is listed but absent")
     check_home(root, root / relative, f"{where}: motion")
     return relative
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # longer than a name can be, or no name
+        return False
 
 
 def rate(values: dict[str, Any], relative: PurePosixPath, where: str) -> float | None:

@@ -37,6 +37,7 @@ from motionary.formats.read import ReadingOptions, read_motion_with
 from motionary.motion import Motion, Skeleton
 
 MAPPING = "mapping.json"
+_NEARLY = ("clips.jsonl", "clips.json", "clips.jsonl.txt", "clips.ndjson")
 KNOWN_SKELETONS = ("smpl22", "kit21")
 
 
@@ -114,6 +115,7 @@ class FolderSource:
             found, problems = read_listing(listing, self._listed)
         else:
             found, problems = self._bare()
+            problems += [InputError(path, "is not read", "must be called clips.jsonl") for path in self._misnamed()]
             if not found and not problems:
                 raise InputError(self.root, "no motion", f"must hold clips.jsonl or {', '.join(MOTION_FILES)} files")
         unique: dict[str, Clip] = {}
@@ -123,6 +125,10 @@ class FolderSource:
             else:
                 unique[clip.id] = clip
         return sorted(unique.values(), key=lambda clip: clip.id), problems
+
+    def _misnamed(self) -> list[Path]:
+        """Files that somebody may have meant to be the listing."""
+        return sorted(path for path in self.root.iterdir() if path.name.lower() in _NEARLY and path.is_file())
 
     def _listed(self, values: dict, where: str, problems: list[InputError]) -> Clip:
         relative = inside(self.root, values, where)

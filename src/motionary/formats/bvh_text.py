@@ -9,8 +9,9 @@ from typing import BinaryIO
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.formats.number_rows import Told, number_rows, numbers_of, text_end, text_lines
+from motionary.formats.number_rows import Told, number_rows, numbers_of, text_end, text_lines, with_points
 from motionary.formats.read.extent import FARTHEST, check_extent
+from motionary.formats.read.frame_rate import rounding
 from motionary.motion.skeleton import MOST_JOINTS
 from motionary.text_files import decoded
 
@@ -37,6 +38,7 @@ class RawBVH:
     Attributes:
         nodes: in file order.
         frame_time: seconds per frame.
+        rounded: by how much that may be off, as its digits say.
         frames: as many as the file says; it may hold more.
         rows: pieces (n, all channels) of the numbers, in order, while the file is open.
         notes: what is odd; whole when all rows were read.
@@ -44,6 +46,7 @@ class RawBVH:
 
     nodes: list[Node]
     frame_time: float
+    rounded: float
     frames: int
     rows: Iterator[np.ndarray]
     notes: list[str] = field(default_factory=list)
@@ -65,10 +68,10 @@ def parse(file: BinaryIO, name: object, told: Told = lambda count: None) -> RawB
     told(len(head))
     lines = decoded(head).splitlines()
     nodes, at = _hierarchy(lines, name)
-    frames, frame_time = _header(lines, at, name)
+    frames, time, exact = _header(lines, at, name)
     if not any(node.channels for node in nodes):
         raise InputError(name, "no CHANNELS", "at least one joint must move")
-    raw = RawBVH(nodes, frame_time, frames, iter(()))
+    raw = RawBVH(nodes, time, exact, frames, iter(()))
     raw.rows = _rows(raw, _Numbers(file, len(head), end, len(lines)), name, told)
     return raw
 
@@ -101,7 +104,7 @@ def _fail(name: object, line: int, value: object, rule: str) -> InputError:
 
 def _floats(tokens: list[str], count: int, name: object, line: int, what: str) -> tuple[float, ...]:
     try:
-        numbers = tuple(float(token) for token in tokens)
+        numbers = tuple(float(with_points(token)) for token in tokens)
     except ValueError:
         raise _fail(name, line, " ".join(tokens), f"{what} must be numbers") from None
     if len(numbers) != count or not np.isfinite(numbers).all():
@@ -189,9 +192,10 @@ def _key(text: str) -> str:
     return " ".join(text.lower().split())
 
 
-def _header(lines: list[str], at: int, name: object) -> tuple[int, float]:
-    """Frames and frame time."""
+def _header(lines: list[str], at: int, name: object) -> tuple[int, float, float]:
+    """Frames, frame time, and by how much that is rounded."""
     found: dict[str, float] = {}
+    exact = 0.0
     for i in range(at, len(lines)):
         line = lines[i].strip()
         if not line:
@@ -204,8 +208,9 @@ def _header(lines: list[str], at: int, name: object) -> tuple[int, float]:
         if not 0 < found[key] < FARTHEST or (key == "frames" and found[key] != int(found[key])):
             kind = "a whole number " * (key == "frames")
             raise _fail(name, i, value.strip(), f"{key} must be {kind}above 0 and below {FARTHEST:g}")
+        exact = rounding(with_points(value.strip())) if key == "frame time" else exact
         if len(found) == 2:
-            return int(found["frames"]), found["frame time"]
+            return int(found["frames"]), found["frame time"], exact
     raise _fail(name, len(lines) - 1, "end of file", "'Frames:' and 'Frame Time:' must follow MOTION")
 
 

@@ -42,27 +42,34 @@ def is_calibration(roles: Mapping[str, int], positions: np.ndarray, rotations: n
     """Whether the first frame is no part of the motion; None where it may be.
 
     It is a T-pose (both upper arms and forearms lie within 25 degrees of the line through the shoulders and both legs
-    within 25 degrees of the vertical) out of which the joints jump, relative to the root: 5 cm or more on average to
-    the second frame. It is left out where that is at least five times as far as between later frames (95th percentile),
-    or where nobody would stand so exactly and the second frame does not: no joint below the root is turned from the
-    rig's own rest pose, or the left limbs are the right ones' mirror image within 2 degrees.
+    within 25 degrees of the vertical), or the rig's own rest pose, whatever that is (no joint below the root is turned,
+    and the second frame has some), out of which the joints jump, relative to the root: 5 cm or more on average to the
+    second frame. It is left out where that is at least five times as far as between later frames (95th percentile), a
+    T-pose also where nobody would stand so exactly and the second frame does not: it is the rest pose, or the left
+    limbs are the right ones' mirror image within 2 degrees.
 
     Args:
         roles: joint by role.
         positions: (T, J, 3) metres, y up.
         rotations: (T, J, 4) local.
     """
-    if len(positions) < 3 or not _in_t_pose(roles, positions[0]):
+    if len(positions) < 3:
+        return False
+    resting = [bool((np.abs(turns) > _UNTURNED).all()) for turns in rotations[:2, 1:, 3]]
+    t_pose = _in_t_pose(roles, positions[0])
+    if not (t_pose or (resting[0] and not resting[1])):
         return False
     steps = np.concatenate(
         [_steps(positions[max(some.start - 1, 0) : some.stop]) for some in stretches(len(positions))]
     )
     if steps[0] <= _JUMP:
         return False
-    resting = [bool((np.abs(turns) > _UNTURNED).all()) for turns in rotations[:2, 1:, 3]]
+    far = steps[0] > _TIMES * np.percentile(steps[1:], 95)
+    if far or not t_pose:
+        return True if far else None
     even = [_is_t_pose(limbs) and _symmetric(limbs) for limbs in (_limbs(roles, positions[i]) for i in (0, 1))]
     exact = (resting[0] and not resting[1]) or (even[0] and not even[1])
-    return True if exact or steps[0] > _TIMES * np.percentile(steps[1:], 95) else None
+    return True if exact else None
 
 
 def _in_t_pose(roles: Mapping[str, int], points: np.ndarray) -> bool:

@@ -99,7 +99,7 @@ def number_rows(file: BinaryIO, end: int, width: int, told: Told) -> Iterator[np
 
 
 def numbers_of(text: bytes) -> np.ndarray:
-    """The numbers (n,) float64 of a text, with white space between them.
+    """The numbers (n,) float64 of a text, with white space between them; commas where there are no points are points.
 
     Raises:
         ValueError: what stands there is no number.
@@ -111,5 +111,12 @@ def numbers_of(text: bytes) -> np.ndarray:
         warnings.simplefilter("error", DeprecationWarning)
         try:
             return np.fromstring(text, sep=" ")
-        except DeprecationWarning as error:
+        except (DeprecationWarning, ValueError) as error:
+            if (pointed := with_points(text.decode("latin-1")).encode("latin-1")) != text:
+                return numbers_of(pointed)
             raise ValueError(error) from None
+
+
+def with_points(text: str) -> str:
+    """Numbers as programs in many a language write them, with points for commas; a text that has points is left."""
+    return text if "." in text else text.replace(",", ".")

@@ -8,7 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
-from postures import POSTURES, SMPL, person, points, restless, turn, written
+from postures import POSTURES, SMPL, person, points, rest_frames, restless, turn, written
 from turned import ONTO, RESTS, SCALES, Case, cases
 
 from motionary.errors import InputError, InputWarning
@@ -17,7 +17,7 @@ from motionary.formats.measure import AXES, body_of
 from motionary.formats.measure.up import _falls
 from motionary.formats.read import read_motion_with
 from motionary.motion import Motion
-from motionary.motion.rotations import quat_action, quat_product
+from motionary.motion.rotations import quat_action, quat_conjugation, quat_product
 
 CLIPS = int(os.environ.get("MOTIONARY_CLIPS", "24"))  # `make measured` takes all 200
 
@@ -132,6 +132,19 @@ def test_a_t_pose_before_a_walk_of_a_rig_that_rests_otherwise_is_left_out(tmp_pa
         assert any("may be a calibration pose" in note for note in reading.notes) != left_out
         for skip in (True, False):  # what is said is not doubted
             assert not any("calibration" in n for n in read_motion_with(tmp_path / "a.bvh", skip_first=skip)[1].notes)
+
+
+@pytest.mark.parametrize("rest", ["x", "y"])
+def test_a_first_frame_in_the_rigs_own_rest_pose_is_left_out_whatever_that_is(tmp_path, rest):
+    """As with bones along one axis (LaFAN1)."""
+    world, root = person("stands")
+    first = quat_conjugation(rest_frames(SMPL, rest))[None]  # no channel turns
+    (tmp_path / "a.bvh").write_text(
+        written(np.concatenate([first, world]), np.concatenate([root[:1], root]), "y", rest)
+    )
+    motion, reading = read_motion_with(tmp_path / "a.bvh")
+    assert (reading.skipped_first, motion.frames) == (True, len(root))
+    np.testing.assert_allclose(motion.positions, points(world, root), atol=2e-3)
 
 
 @pytest.mark.parametrize(("held", "back"), [(2, 0), (12, 0), (12, 12)])

@@ -12,6 +12,7 @@ from motionary.errors import InputError
 from motionary.formats.animated_rig import Track, unique_names
 from motionary.formats.bvh_text import Node, RawBVH, parse
 from motionary.formats.number_rows import reading_bar
+from motionary.formats.read.frame_rate import USUAL, rate_of
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.tracks import to_motion
 from motionary.motion import Motion
@@ -30,6 +31,11 @@ _ROOT_ADDED = (
 _ROOT_UNSURE = (
     "the root has an OFFSET, and position channels that say other places: these were taken as they are, without it "
     "(say otherwise by adding the OFFSET to them in the file)"
+)
+_STIFF = 1.0  # degrees; a body that turns no joint farther does not move
+_RADIANS = (
+    "all angles lie within 2 pi and were read as degrees, so that the body hardly leaves its rest pose: where they are "
+    "radians, turn them into degrees in the file"
 )
 _LONGEST_FRAME = 1 / SLOWEST_RATE  # s; slower than that is no recording of motion, but a rate in another unit
 
@@ -60,24 +66,27 @@ def bvh_with(
     options = options or ReadingOptions()
     with text_stream(path) as file, reading_bar(file, path, options.progress) as told:
         raw = parse(file, path, told)
-        rate = _rate(raw.frame_time, path) if fps is None else fps
+        rate = _rate(raw, path) if fps is None else fps
         track = track_of(raw)
     motion, reading = to_motion(track, rate, path, options)
     return motion, replace(reading, notes=(*raw.notes, *reading.notes))
 
 
-def _rate(frame_time: float, file: object) -> float:
-    """Frames per second; a whole number where the file's rounded frame time means one (.0083333 is 120)."""
+def _rate(raw: RawBVH, file: object) -> float:
+    """Frames per second that the file's rounded frame time means (.0083333 is 120)."""
+    frame_time = raw.frame_time
     if frame_time > _LONGEST_FRAME:
         rule = f"must be seconds per frame, at most {_LONGEST_FRAME:g}"
         if frame_time < 1100:
-            rule += f" (milliseconds? then say fps={1000 / frame_time:.4g}, --fps)"
+            rate = f", or a rate? then fps={frame_time:g}" if frame_time in USUAL else ""
+            rule += f" (milliseconds? then say fps={1000 / frame_time:.4g}{rate}; --fps)"
         raise InputError(f"{file}, Frame Time", f"{frame_time:g}", rule)
     if frame_time < 1 / FASTEST_RATE:
         rule = f"must be seconds per frame, at least {1 / FASTEST_RATE:g}"
         raise InputError(f"{file}, Frame Time", f"{frame_time:g}", rule)
-    fps = 1 / frame_time
-    return float(round(fps)) if round(fps) and abs(fps / round(fps) - 1) < 5e-4 else fps
+    fps, doubt = rate_of(frame_time, raw.rounded)
+    raw.notes += [doubt] if doubt else []
+    return fps
 
 
 def track_of(raw: RawBVH) -> Track:
@@ -90,7 +99,7 @@ def track_of(raw: RawBVH) -> Track:
     offsets = np.array([node.offset or (0.0, 0.0, 0.0) for node in nodes])
     rotations = np.empty((raw.frames, len(nodes), 4), np.float32)
     moves = {joint: np.empty((raw.frames, 3)) for _, joints, _ in places for joint in joints}
-    frames, filled = 0, set()
+    frames, filled, widest = 0, set(), 0.0
     for rows in raw.rows:
         start, frames = frames, frames + len(rows)
         if frames > len(rotations):  # more than the file says
@@ -98,6 +107,7 @@ def track_of(raw: RawBVH) -> Track:
             moves = {joint: _longer(array, frames) for joint, array in moves.items()}
         rotations[start:frames] = (0, 0, 0, 1)
         for axes, joints, columns in turns:
+            widest = max(widest, float(np.abs(rows[:, columns]).max(initial=0)))
             rotations[start:frames, joints] = euler_to_unitquat(axes, np.radians(rows[:, columns]))
         for axes, joints, columns in places:
             for joint, of_joint in zip(joints, columns, strict=True):
@@ -111,6 +121,8 @@ def track_of(raw: RawBVH) -> Track:
         for joint in below:
             moved[joint] += offsets[joint]
         raw.notes.append("position channels below the root are far shorter than the bones; they were added to OFFSET")
+    if _STIFF < widest <= 2 * np.pi:
+        raw.notes.append(_RADIANS)
     parents = tuple(new[node.parent] for node in nodes)
     track = Track(unique_names([node.name for node in nodes]), parents, rotations[:frames], offsets, moved)
     places_root = sum(kind == "position" for kind, _ in nodes[0].channels) == 3

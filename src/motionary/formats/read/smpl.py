@@ -21,7 +21,7 @@ from motionary.formats.read.settle import settle, with_roles
 from motionary.motion import Motion, Skeleton, name_joints
 from motionary.motion.rotations import rotvec_to_unitquat
 
-_RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
+_RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate", "frame_rate")
 # What programs call the same arrays: AMASS, AIST++, and those who name the parameters as the smplx package does.
 _POSES, _TRANS = ("poses", "smpl_poses"), ("trans", "smpl_trans", "transl")
 _ROOT, _BODY = ("root_orient", "global_orient"), ("pose_body", "body_pose")
