@@ -47,6 +47,6 @@ def prompts(shapes: Shapes) -> Work:
 
     model = _temporal_model(shapes)
     config = Text2LengthConfig(word_dim=shapes.word_dim, text_width=shapes.text_width)
-    generator = MotionGenerator(model, Lengths(Text2Length(config, model.context)))
+    generator = MotionGenerator(model, Lengths(Text2Length(config, model.context)).sample)
     sentences, frames = make_sentences(shapes, shapes.prompts), [UNIT * shapes.tokens] * shapes.prompts
     return Work(lambda: generator.generate(sentences, list(range(shapes.prompts)), frames))

@@ -19,7 +19,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--source-fps", type=float, help="rate of the start, whatever it says (npy says none)")
     told = "motions between the first poses of two seeds, in place of -n and --seed: as many as --steps"
     add.add_argument("--between", type=int, nargs=2, metavar="SEED", help=told)
-    add.add_argument("--steps", type=shared.count, default=5, help="for --between (5)")
+    add.add_argument("--steps", type=shared.count, help="for --between (5)")
     shared.add_feet(add)
     add_outputs(add)
     shared.add_reading(add)
@@ -33,7 +33,10 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.errors import InputError
     from motionary.formats import read_motion
 
-    count = options.n if options.between is None else options.steps
+    if options.steps is not None and options.between is None:
+        raise InputError("--steps", options.steps, "is the number of motions of --between")
+    steps = 5 if options.steps is None else options.steps
+    count = options.n if options.between is None else steps
     names = variants(slug("-".join(options.actions), "action"), count)
     outputs = Outputs(options)
     if options.between is not None and (len(options.actions) > 1 or options.start or len(options.seconds) > 1):
@@ -45,9 +48,7 @@ def _run(options: argparse.Namespace) -> None:
     dictionary = shared.open_models(options)
     if options.between is not None:
         seeds = (options.between[0], options.between[1])
-        made = dictionary.between_actions(
-            options.actions[0], options.steps, seconds, seeds, options.scale, options.feet
-        )
+        made = dictionary.between_actions(options.actions[0], steps, seconds, seeds, options.scale, options.feet)
     else:
         made = dictionary.act(options.actions, options.n, seconds, options.seed, options.scale, start, options.feet)
     outputs.claim(names)

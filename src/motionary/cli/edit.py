@@ -23,7 +23,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--end", type=float, help="seconds up to which")
     add.add_argument("--extend", type=float, metavar="SECONDS", help="go on for so long; without TEXT as it went")
     add.add_argument("--between", metavar="FILE", help="lead from the end of the one file to the begin of this one")
-    add.add_argument("--seconds", type=float, default=1.0, help="for --between (1)")
+    add.add_argument("--seconds", type=float, help="for --between (1)")
     add.add_argument("--source-fps", type=float, help="rate of the files, whatever they say (npy says none)")
     shared.add_system(add)
     shared.add_feet(add)
@@ -42,6 +42,8 @@ def _run(options: argparse.Namespace) -> None:
     asked = [n for n, v in (("--start", span), ("--extend", options.extend), ("--between", options.between)) if v]
     if len(asked) != 1:
         raise InputError("edit", " ".join(asked) or "nothing asked", "give --start and --end, --extend, or --between")
+    if options.seconds is not None and not options.between:
+        raise InputError("--seconds", options.seconds, "is the length of --between")
     name = f"{Path(options.file).stem}-{asked[0].strip('-').replace('start', 'edited')}"
     outputs = Outputs(options)
     read = {"fps": options.source_fps, **shared.reading(options)}
@@ -60,7 +62,8 @@ def _made(dictionary: Dictionary, motion: Motion, other: Motion | None, options:
     """What is asked of a motion."""
     asked = (options.seed, options.system, options.feet)
     if other is not None:
-        return dictionary.between(motion, other, options.seconds, options.text, *asked)
+        seconds = 1.0 if options.seconds is None else options.seconds
+        return dictionary.between(motion, other, seconds, options.text, *asked)
     if options.extend is not None:
         return dictionary.extend(motion, options.extend, options.text, *asked)
     if options.text is None:

@@ -11,6 +11,7 @@ from motionary.cli import options as shared
 from motionary.cli.command import Command
 from motionary.cli.constraints import add_constraints, lengths, read_keyframes
 from motionary.cli.outputs import Outputs, add_outputs, slug, variants
+from motionary.errors import InputError
 
 if TYPE_CHECKING:
     from motionary.dictionary import Dictionary
@@ -29,6 +30,10 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("--temperature", type=shared.above_zero, help="above 1 generates more variety, below 1 less")
     told = "draw from the likeliest tokens that have this share together, of systems that write tokens"
     add.add_argument("--top-p", type=shared.share, help=told)
+    add.add_argument("--top-k", type=shared.count, help="draw from so many of the likeliest tokens, of such systems")
+    told = "how closely the text is kept, of systems that were trained for it; 1 is off"
+    add.add_argument("--guidance", type=float, help=told)
+    add.add_argument("--greedy", action="store_true", default=None, help="the likeliest motion in place of a draw")
     shared.add_feet(add)
     add.add_argument("--style", metavar="NAME", help="give what was generated a style of the training clips")
     shared.add_seed(add)
@@ -81,6 +86,8 @@ def _check(
     from motionary.dictionary.generating import each_length
     from motionary.systems.registry import TEXT_TO_MOTION
 
+    if options.style is not None and (options.loop or options.path or keyframes):
+        raise InputError("--style", options.style, "makes a way of its own: not with --loop, --path or --keyframe")
     check_one(options.loop, options.path, keyframes or None, options.join, len(prompts))
     context = dictionary.opened(TEXT_TO_MOTION, options.system).context
     for seconds in each_length(_seconds(options), len(prompts)) or ():
@@ -97,7 +104,9 @@ def _generated(
     dictionary: Dictionary, prompts: Sequence[str], options: argparse.Namespace, keyframes: Mapping[float, Motion]
 ) -> Iterator[list[Motion]]:
     """The variants of each prompt, in the style asked for; a chunk of prompts is generated together."""
-    chosen = {key: value for key in ("temperature", "top_p") if (value := getattr(options, key)) is not None}
+    from motionary.systems.protocols import SAMPLING
+
+    chosen = {key: value for key in SAMPLING if (value := getattr(options, key)) is not None}
     seconds = _seconds(options)
     constraints = {"join": options.join, "loop": options.loop, "path": options.path, "keyframes": keyframes or None}
     asked = (options.system, options.seed, options.feet)

@@ -9,6 +9,7 @@ from dataclasses import asdict
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
+from motionary.errors import InputError
 
 _KEYS = ("id", "origin", "start", "end", "distance", "captions")
 
@@ -19,6 +20,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     told = "search this folder, which `motionary index` has read, and not the corpus"
     add.add_argument("--in", dest="archive", metavar="FOLDER", help=told)
     add.add_argument("--sound", action="store_true", help="with --in: leave out clips that look broken")
+    shared.add_system(add)
     shared.add_seed(add)
     shared.add_models(add)
     shared.add_json(add)
@@ -28,9 +30,11 @@ def _run(options: argparse.Namespace) -> None:
     """A line for each match: its prompt where there are several, distance, name, seconds and first caption."""
     prompts = shared.read_prompts(options)
     if options.archive is not None:
+        if options.system is not None:
+            raise InputError("--system", options.system, "searches the corpus: not with --in")
         return _archive(options, prompts)
     dictionary = shared.open_models(options)
-    found = dictionary.search(prompts, options.k)
+    found = dictionary.search(prompts, options.k, options.system)
     rows, lines = [], []
     for text, matches in zip(prompts, found, strict=True):
         read = shared.say_reading(dictionary, text)

@@ -18,8 +18,7 @@ from motionary.motion import Motion, fit_rotations
 from motionary.motion.paths import checked_path
 from motionary.systems.protocols import TextToMotion
 from motionary.systems.registry import TEXT_TO_MOTION
-
-OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")  # of sampling; a system may ignore some
+from motionary.systems.requests import check_options
 
 
 class Generating(Blending):
@@ -47,7 +46,8 @@ class Generating(Blending):
             seconds: length, rounded to whole motion tokens (0.2 s at 20 fps), or one for each text; None lets the
                 system decide. The longest that systems learn is a little shorter than ten seconds: 10 gives 9.8.
             system: the text-to-motion system that answers; None takes the usual one.
-            seed: equal text, variant, seed and options give an equal motion, whatever else is asked with them.
+            seed: equal text, variant, seed and options give an equal motion, whatever else is asked with them (but
+                for retrieval, which draws nothing: of one call it hands out the nearest, the next nearest, ...).
             feet: let them stand (:meth:`motionary.Motion.plant_feet`); False gives what the system made.
             join: make one motion of all texts, each going on from where the one before ends; at most 20.
             loop: end each motion as it begins, so that it can be repeated.
@@ -56,8 +56,8 @@ class Generating(Blending):
             options: of sampling: temperature, top_k, top_p, guidance, greedy.
 
         Returns:
-            n motions with rotations, bones of one length each; for several texts that are not joined a list of n
-            motions for each.
+            n motions with rotations, bones of one length each (with `keyframes` positions alone: these are met as they
+            are); for several texts that are not joined a list of n motions for each.
 
         Raises:
             InputError: a text that cannot be read, a value out of range, constraints that contradict each other or
@@ -67,9 +67,7 @@ class Generating(Blending):
         check_whole("n", n, 1)
         check_whole("seed", seed, 0)
         control.check_one(loop, path, keyframes, join, len(sentences))
-        for name in options:
-            if name not in OPTIONS:
-                raise InputError(name, options[name], f"unknown option; known: {', '.join(OPTIONS)}")
+        check_options(options)
         generator: TextToMotion = self._open(TEXT_TO_MOTION, system)
         make = partial(self._made, generator, n=n, seed=seed, feet=feet, options=options)
         lengths = each_length(seconds, len(sentences))
@@ -81,7 +79,7 @@ class Generating(Blending):
             rows = [[control.join([row[k] for row in rows], feet) for k in range(n)]]
         asked = (loop, path, keyframes, feet, generator.context)
         rows = [[control.constrained(motion, *asked) for motion in row] for row in rows]
-        if keyframes is None:  # given poses are met as they are, whatever their bones
+        if not keyframes:  # given poses are met as they are, whatever their bones
             rows = [[fit_rotations(motion) for motion in row] for row in rows]
         return rows[0] if join or isinstance(texts, str) else rows
 

@@ -73,7 +73,10 @@ def make_bundle(
     if bits not in BITS:
         raise InputError("bits", bits, f"must be one of {', '.join(map(str, BITS))}")
     left = set(without)
-    able = {offer: [name for name in run.offering(offer) if name not in left] for offer in ANSWERING}
+    able = {
+        offer: [name for name in run.offering(offer) if name not in left and offer not in _withheld(name)]
+        for offer in ANSWERING
+    }
     usual = {offer: names[0] for offer, names in able.items() if names}
     usual |= {} if generator is None else {TEXT_TO_MOTION: _able(run, generator)}
     judging = [name for name in judges() if name in run.systems and name not in left]
@@ -128,7 +131,6 @@ def _able(run: Dictionary, generator: str) -> str:
 
 def _fill(folder: Path, run: Dictionary, names: Iterable[str], corpus: Corpus, bits: int) -> dict[str, Any]:
     """Copies the systems; of one that looks things up in the corpus its index. Returns what those cannot do here."""
-    withheld = {}
     for name in names:
         if find(name).model:
             for record in sorted((run.models / name).rglob(CONFIG_FILE)):
@@ -140,8 +142,13 @@ def _fill(folder: Path, run: Dictionary, names: Iterable[str], corpus: Corpus, b
             Index(np.asarray(index.motions[rows], np.float16), judge, index.judge).save(folder / name)
             meanings_of(corpus).save(folder / name)
             write_catalogue(corpus, rows, folder / CATALOGUE)
-            withheld[name] = [TEXT_TO_MOTION]
-    return {"withheld": withheld}
+    return {"withheld": {name: list(kept) for name in names if (kept := _withheld(name))}}
+
+
+def _withheld(name: str) -> tuple[str, ...]:
+    """What a system cannot do without the motions of the corpus: one without weights copies them, and one with weights
+    keeps its own index of them (what it embeds is there all the same)."""
+    return ((SEARCH,) if SEARCH in find(name).offers else ()) if find(name).model else (TEXT_TO_MOTION,)
 
 
 def _write_card(folder: Path, run: Dictionary, manifest: Mapping[str, Any], corpus: Corpus) -> None:

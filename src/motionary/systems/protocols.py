@@ -17,12 +17,15 @@ if TYPE_CHECKING:  # the page and the shell look offers up without torch
 
 # What a generator hands out: features of the corpus's codec, or, where a system has features of its own, a Motion.
 Made = np.ndarray | Motion
+# What sampling can be told; a system may ignore some.
+SAMPLING = ("temperature", "top_k", "top_p", "guidance", "greedy")
 # Frames for sentences and seeds; the likeliest where asked for.
 DrawLengths = Callable[[Sequence[Sentence], Sequence[int], bool], Sequence[int]]
 
 
 class TextToMotion(Protocol):
-    """Motions from sentences. No result depends on the other texts of the call.
+    """Motions from sentences. No result depends on the other texts of the call (but for retrieval, which draws nothing:
+    where a text repeats it hands out the next nearest).
 
     Attributes:
         context: of the corpus that it learned from.

@@ -159,7 +159,7 @@ SYSTEMS: tuple[System, ...] = (
     # Latent stylization, thesis chapter 5
     System(
         "latents", "stylization", "latents.Latents", "latents.LatentsConfig", build="build_latents",
-        about="Turns motion into a code a frame, in which styles are changed.",
+        about="Turns motion into a code for four frames, in which styles are changed.",
     ),
     System(
         "global_motion", "stylization", "global_motion.GlobalMotion", "global_motion.GlobalMotionConfig",

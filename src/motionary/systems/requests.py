@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Protocol
-
-import torch
-from torch import Tensor
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 from motionary.corpus.context import Context
 from motionary.errors import InputError
 from motionary.language import Sentence
+from motionary.systems.protocols import SAMPLING
+
+if TYPE_CHECKING:  # options are checked without torch
+    from torch import Tensor
 
 
 def encode_sentences(context: Context, sentences: Sequence[Sentence], device: Any) -> tuple[Tensor, Tensor, Tensor]:
     """Word ids and tags (B, N) and counts (B,) on a device, typos corrected."""
+    import torch
+
     vocabulary = context.vocabulary
     arrays = vocabulary.encode_batch([vocabulary.correct(sentence) for sentence in sentences])
     words, tags, count = (torch.from_numpy(array).to(device) for array in arrays)
@@ -25,6 +28,13 @@ def check_seeds(sentences: Sequence[Sentence], seeds: Sequence[int]) -> None:
     """InputError unless there is one seed per sentence."""
     if len(seeds) != len(sentences):
         raise InputError("seeds", len(seeds), f"must be one per sentence, {len(sentences)}")
+
+
+def check_options(options: Mapping[str, Any]) -> None:
+    """InputError for an option that sampling does not have."""
+    for name, value in options.items():
+        if name not in SAMPLING:
+            raise InputError(name, value, f"unknown option; known are {', '.join(SAMPLING)}")
 
 
 def check_frames(context: Context, sentences: Sequence[Sentence], frames: Sequence[int]) -> list[int]:

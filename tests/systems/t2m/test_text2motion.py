@@ -46,7 +46,7 @@ def model(context, **settings) -> Text2Motion:
 def generator(context, **settings) -> MotionGenerator:
     with seeded(2):
         lengths = Lengths(Text2Length(Text2LengthConfig(word_dim=8, text_width=8), context))
-    return MotionGenerator(model(context, **settings), lengths, chunk=3)
+    return MotionGenerator(model(context, **settings), lengths.sample, chunk=3)
 
 
 def sentences(context) -> list[Sentence]:
@@ -340,7 +340,7 @@ def test_it_starts_from_the_autoencoder_and_stands_alone_afterwards(context, bat
     opened = open_system("text2motion", "text_to_motion", tmp_path)
     texts = sentences(context)
     made = [m.tobytes() for m in opened.generate(texts, range(7))]
-    assert made == [m.tobytes() for m in MotionGenerator(net, Lengths(lengths)).generate(texts, range(7))]
+    assert made == [m.tobytes() for m in MotionGenerator(net, Lengths(lengths).sample).generate(texts, range(7))]
 
 
 def test_bad_settings_say_what_is_wrong():

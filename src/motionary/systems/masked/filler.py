@@ -18,7 +18,7 @@ from motionary.systems.codec import BatchedCodec
 from motionary.systems.masked.masked_networks import Text
 from motionary.systems.masked.text_guidance import text_of
 from motionary.systems.protocols import DrawLengths, MotionCodec
-from motionary.systems.requests import check_frames, check_seeds
+from motionary.systems.requests import check_frames, check_options, check_seeds
 
 _NOTHING = Sentence("", (), ())
 
@@ -57,6 +57,7 @@ class Filler(ABC):
     ) -> list[np.ndarray]:
         """Raw features (T, D) for each sentence, as :meth:`TextToMotion.generate` says; without `frames` text2length
         draws them."""
+        check_options(options)
         self.drawing(options)
         check_seeds(sentences, seeds)
         drawn = self.lengths(sentences, seeds, bool(options.get("greedy"))) if frames is None else frames
@@ -79,6 +80,7 @@ class Filler(ABC):
         **options: float,
     ) -> list[np.ndarray]:
         """Codes (S, width) of each motion, as :meth:`MotionInfiller.infill` says."""
+        check_options(options)
         drawing = self.drawing(options)
         check_seeds(sentences, seeds)  # type: ignore[arg-type]
         self._check(tokens, known, sentences)

@@ -21,8 +21,6 @@ from motionary.systems.masked.residual_tokenizer import ResidualTokenizer
 from motionary.systems.protocols import DrawLengths
 from motionary.systems.requests import chosen_guidance
 
-OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")
-
 
 class MotionFiller(Filler):
     """Fills in residual tokens (S, layers).
@@ -57,11 +55,8 @@ class MotionFiller(Filler):
         return fill(self.model, text, has_text, codes, known, count, noise, drawing)
 
     def drawing(self, options: Mapping[str, float]) -> Drawing:
-        """The config's way of drawing with these options; InputError for an unknown one or one out of range."""
+        """The config's way of drawing with these options; InputError for one out of range."""
         config = self.model.config
-        for name, value in options.items():
-            if name not in OPTIONS:
-                raise InputError(name, value, f"unknown option; known are {', '.join(OPTIONS)}")
         given = {name: value for name, value in options.items() if value is not None}
         guidance = chosen_guidance(config, given.get("guidance"))
         sampling = Sampling(

@@ -58,8 +58,9 @@ class SnippetGenerator(Filler):
         """Each pass draws some of the places that are left, in a random order (as MAR)."""
         model, steps = self.model, codes.shape[1]
         guided = TextGuidance(model.text, model.reader, *self.read(sentences), drawing.guidance)
-        # The last column tells the order of the places, the same whatever the length.
-        noise = normal_noise(seeds, self.context.max_tokens, self.width + 1)[:, :steps].to(self.device)
+        # The last column tells the order of the places, the same whatever the length; greedy has one for all seeds.
+        drawn = seeds if drawing.temperature else [0] * len(seeds)
+        noise = normal_noise(drawn, self.context.max_tokens, self.width + 1)[:, :steps].to(self.device)
         valid = length_mask(count, steps)
         hidden = valid & ~known
         codes, missing = torch.where((valid & known)[..., None], codes, 0.0), hidden.sum(1)
@@ -82,7 +83,8 @@ class SnippetGenerator(Filler):
 
     def drawing(self, options: Mapping[str, float]) -> FlowDrawing:
         """The config's way of drawing with these options: temperature, a factor on the noise that codes flow from;
-        guidance, 1 is off; greedy, no noise. Those of systems that write tokens (top_k, top_p) change nothing."""
+        guidance, 1 is off; greedy, no noise and one order of the places. Those of systems that write tokens (top_k,
+        top_p) change nothing."""
         config, temperature = self.model.config, options.get("temperature")
         if temperature is not None and not 0 < temperature <= 1000:
             raise InputError("temperature", temperature, "must be above 0, at most 1000")

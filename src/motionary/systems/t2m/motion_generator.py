@@ -11,8 +11,8 @@ import torch
 from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.nn.noise import normal_noise
+from motionary.systems.protocols import DrawLengths
 from motionary.systems.requests import check_frames, check_seeds, encode_sentences
-from motionary.systems.t2m.text2length import Lengths
 from motionary.systems.t2m.text2motion import Text2Motion
 
 
@@ -21,7 +21,7 @@ class MotionGenerator:
 
     takes_lengths = True
 
-    def __init__(self, model: Text2Motion, lengths: Lengths, chunk: int = 128):
+    def __init__(self, model: Text2Motion, lengths: DrawLengths, chunk: int = 128):
         self.model, self.lengths, self.chunk = model.eval(), lengths, chunk
         self.context = model.context
 
@@ -46,7 +46,7 @@ class MotionGenerator:
         check_seeds(sentences, seeds)
         if temperature is not None and not temperature > 0:
             raise InputError("temperature", temperature, "must be above 0 (for the likeliest motion use greedy)")
-        drawn = self.lengths.sample(sentences, seeds, likeliest=greedy) if frames is None else frames
+        drawn = self.lengths(sentences, seeds, greedy) if frames is None else frames
         wanted = check_frames(self.context, sentences, drawn)
         scale = self.model.config.temperature if temperature is None else temperature
         results: list[Any] = [None] * len(sentences)

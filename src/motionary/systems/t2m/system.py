@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from motionary.corpus.context import Context
 from motionary.errors import configure
-from motionary.systems.io import Trained
+from motionary.systems.io import Trained, lengths_of
 from motionary.systems.protocols import MotionCodec
 
 if TYPE_CHECKING:
@@ -56,4 +56,4 @@ def open_motion_generator(trained: Trained, name: str) -> MotionGenerator:
     """The generator of motions, with text2length for lengths that are not given."""
     from motionary.systems.t2m.motion_generator import MotionGenerator
 
-    return MotionGenerator(trained.load(name), open_lengths(trained, "text2length"))
+    return MotionGenerator(trained.load(name), lengths_of(trained))

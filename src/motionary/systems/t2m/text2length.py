@@ -63,7 +63,7 @@ class Text2Length(Trainable):
         return widened(self.head(self.text.sentence(words, tags, count)))
 
     def loss(self, batch: TextBatch, progress: float, generator: torch.Generator) -> Loss:
-        """Cross-entropy with the true length, or with a bell around it (`spread`)."""
+        """Cross-entropy with the true length, or with a bell around it (`target_std`)."""
         words = hide_words(batch.words, self.config.word_dropout, generator) if self.training else batch.words
         logits, target = self(words, batch.tags, batch.word_count), self._target(batch)  # (B, T_max), (B,)
         nll = F.cross_entropy(logits, target)

@@ -72,8 +72,6 @@ class Motion2Text(Trainable):
 
     def __init__(self, config: Motion2TextConfig, context: Context):
         super().__init__()
-        if config.width % config.num_heads:
-            raise InputError("motion2text.width", config.width, f"must be divisible by heads={config.num_heads}")
         if not 1 <= config.offsets <= context.unit:
             raise InputError("motion2text.offsets", config.offsets, f"must lie in 1..{context.unit}")
         self.config, self.context = config, context
@@ -85,7 +83,7 @@ class Motion2Text(Trainable):
             nn.init.normal_(self.source.weight, std=1.0)
         else:
             self.normalizer = Normalizer(context.mean, context.std)
-            if config.pose_frames < 1 or context.unit % config.pose_frames:
+            if context.unit % config.pose_frames:
                 raise InputError(
                     "motion2text.pose_frames", config.pose_frames, f"must divide the unit of {context.unit}"
                 )

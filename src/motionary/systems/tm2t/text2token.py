@@ -12,8 +12,7 @@ from torch import Tensor, nn
 from motionary.corpus.batch import TokenBatch
 from motionary.corpus.context import Context
 from motionary.errors import DEEPEST, MOST, WIDEST, InputError, check_range, check_share, check_values
-from motionary.language import END, UNKNOWN
-from motionary.nn.layers import WordEmbedding, length_mask
+from motionary.nn.layers import WordEmbedding, hide_words, length_mask
 from motionary.nn.transformer import Cache, TokenTransformer
 from motionary.systems.tm2t.token_gru import TokenGRU
 from motionary.systems.trainable import Loss, Trainable
@@ -66,7 +65,7 @@ class Text2TokenConfig:
         if self.architecture not in ("gru", "transformer"):
             raise InputError(f"{self.section}.architecture", self.architecture, "must be gru or transformer")
         if self.architecture == "transformer" and self.width % self.num_heads:
-            raise InputError(f"{self.section}.width", self.width, f"must be divisible by heads={self.num_heads}")
+            raise InputError(f"{self.section}.width", self.width, f"must be divisible by num_heads={self.num_heads}")
         if self.guidance != 1 and not self.text_dropout:
             raise InputError(f"{self.section}.guidance", self.guidance, "must be 1 unless text_dropout is above 0")
 
@@ -172,9 +171,8 @@ class Text2Token(Trainable):
 
     def _sentences(self, batch: TokenBatch, generator: torch.Generator | None) -> tuple[Tensor, Tensor | None, Tensor]:
         words, tags, count = batch.words, batch.tags, batch.word_count
-        if self.training and self.config.word_dropout:
-            hidden = torch.rand(words.shape, generator=generator, device=words.device) < self.config.word_dropout
-            words = words.masked_fill(hidden & (words > END), UNKNOWN)
+        if self.training and generator is not None:
+            words = hide_words(words, self.config.word_dropout, generator)
         if self.training and self.config.text_dropout:
             empty = torch.rand(len(words), generator=generator, device=words.device) < self.config.text_dropout
             words, tags, count = blank(words, tags, count, empty)

@@ -9,18 +9,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from motionary.errors import InputError
 from motionary.language import Sentence
 from motionary.nn.decoding import Decoder, Sampling, sample
 from motionary.nn.noise import uniform_noise
-from motionary.systems.requests import check_frames, check_seeds, chosen_guidance, encode_sentences
+from motionary.systems.requests import check_frames, check_options, check_seeds, chosen_guidance, encode_sentences
 from motionary.systems.tm2t.text2token import Text2Token, blank
 from motionary.systems.tm2t.tokenizer import Tokenizer
 
 # Motions decoded at once: in larger batches the decoder's frames no longer fit a CPU's cache. Tokens are drawn for
 # many more at once, since their matrix products have only one row per motion.
 DECODED = 32
-OPTIONS = ("temperature", "top_k", "top_p", "guidance", "greedy")
 
 
 class Guided:
@@ -66,12 +64,10 @@ class TokenGenerator:
         **options: float,
     ) -> list[np.ndarray]:
         """Raw features (T, D) for each sentence, as :meth:`TextToMotion.generate` says; without `frames` the end token
-        decides, at most after `most_tokens`."""
+        decides, at most after `max_tokens`."""
         results: list[np.ndarray] = []
         wanted = None if frames is None else check_frames(self.context, sentences, frames)
-        for option in options:
-            if option not in OPTIONS:
-                raise InputError(option, options[option], f"unknown option; known are {', '.join(OPTIONS)}")
+        check_options(options)
         for first in range(0, len(sentences), self.chunk):
             part = slice(first, first + self.chunk)
             lengths = None if wanted is None else wanted[part]
