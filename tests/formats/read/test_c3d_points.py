@@ -73,7 +73,40 @@ def test_ends_without_a_joint_go_and_gaps_are_filled_and_said(read):
     np.testing.assert_allclose(np.delete(motion.positions, knee, 1), np.delete(kept, knee, 1), atol=2e-4)
     line = kept[15, knee] + np.linspace(0, 1, 7)[:, None] * (kept[21, knee] - kept[15, knee])
     np.testing.assert_allclose(motion.positions[15:22, knee], line, atol=2e-4)
-    assert reading.notes == (f"without a place, filled on straight lines: left_knee in 5 of {len(LAB) - 7} frames",)
+    assert reading.notes == (
+        "the first 4 and the last 3 frames lack joints and were left out",
+        f"without a place, filled on straight lines: left_knee in 5 of {len(LAB) - 7} frames",
+    )
+
+
+def test_zeros_of_residual_0_are_gaps_too(read):
+    """Many exporters write a point that was not seen as (0, 0, 0)."""
+    wrist, places = NAMES.index("left_wrist"), LAB.copy()
+    places[30:40, wrist] = places[50:53] = places[-2:] = 0
+    motion, reading = read(NAMES, places)
+    expected = CLIP.positions[:-2].copy()
+    expected[30:40, wrist] = np.linspace(expected[29, wrist], expected[40, wrist], 12)[1:-1]
+    expected[50:53] = np.linspace(expected[49], expected[53], 5)[1:-1]
+    np.testing.assert_allclose(motion.positions, expected, atol=3e-4)
+    assert reading.notes == (
+        "the last 2 frames hold no body and were left out",
+        f"without a place, filled on straight lines: left_wrist in 10 of {len(LAB) - 2} frames",
+        f"3 of {len(LAB) - 2} frames hold no body, and were filled on straight lines",
+    )
+
+
+@pytest.mark.parametrize("always", [True, False])
+def test_a_pelvis_may_be_the_origin(read, always):
+    """Of the body in each frame, or of the first one alone."""
+    moved = LAB - (LAB[:, :1] if always else LAB[:1, :1])
+    motion, reading = read(NAMES, moved, up="z", unit="mm", mirror=False)
+    np.testing.assert_allclose(motion.positions, moved[..., [0, 2, 1]] * [0.001, 0.001, -0.001], atol=3e-4)
+    assert not [note for note in reading.notes if "frames" in note]
+
+
+def test_a_pelvis_at_zero_of_a_body_elsewhere_was_never_seen(read):
+    with pytest.raises(InputError, match="pelvis: missing in 100%"):
+        read(NAMES, np.where(np.arange(22)[:, None] == 0, 0, LAB))
 
 
 def test_a_mapping_names_labels_that_no_rig_has(read):

@@ -11,6 +11,7 @@ import numpy as np
 
 from motionary.errors import InputError
 from motionary.files import readable
+from motionary.formats.read.gaps import MOST_MISSING, filled, unseen
 from motionary.formats.read.numpy_files import NUMBERS, TEXT, ArrayArchive, read_npy
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import settle, with_roles
@@ -44,7 +45,8 @@ def npy_with(
     """Read joint positions (T, J, 3) of any float type, or HumanML3D features (T, 263), KIT-ML's (T, 251).
 
     A batch of one (1, T, J, 3) and the order (J, 3, T) are read too; of SMPL's 24 joints, SMPL-H's 52 and SMPL-X's 55,
-    127 or 144 the first 22, the body, are kept.
+    127 or 144 the first 22, the body, are kept. Frames at both ends that hold no body, as padding, are left out; gaps
+    between are filled on straight lines; both are said.
 
     Args:
         path: the .npy file.
@@ -173,12 +175,33 @@ def _motion(
         options = options.over(ReadingOptions(mirror=False))  # its released joints live in a mirrored world
     fps = _DEFAULT_FPS if fps is None else fps
     try:
-        motion = Motion(np.asarray(positions, np.float32), fps, skeleton, rotations)
+        positions, rotations, notes = _whole(np.asarray(positions, np.float32), rotations, skeleton)
+        motion = Motion(positions, fps, skeleton, rotations)
         if options.mapping is not None:
             motion = name_joints(motion, options.mapping)
-        return settled_motion(motion, options, _USUAL)
+        motion, reading = settled_motion(motion, options, _USUAL)
+        return motion, replace(reading, notes=(*notes, *reading.notes))
     except InputError as error:
         raise InputError(f"{path}, {error.what}", error.value, error.rule) from None
+
+
+def _whole(
+    positions: np.ndarray, rotations: np.ndarray | None, skeleton: Skeleton
+) -> tuple[np.ndarray, np.ndarray | None, list[str]]:
+    """Positions (T, J, 3) and rotations of frames that hold a body, and what to say of others: batches of motions are
+    padded with zeros. A joint that lies at zero most of the time is left there."""
+    if positions.shape[1] != len(skeleton):
+        return positions, rotations, []  # which Motion refuses
+    gone = unseen(positions, skeleton.roles)
+    empty = gone.all(1)
+    if empty.all() or not gone.any():
+        return positions, rotations, []
+    gone[:, gone[~empty].mean(0) > MOST_MISSING] = False
+    gone[empty] = True
+    kept, positions, notes = filled("positions", positions, gone, skeleton.joints)
+    if rotations is not None:
+        rotations = None if gone[kept].any() else rotations[kept]
+    return positions, rotations, notes
 
 
 def _on_its_body(found: tuple[Motion, Reading]) -> tuple[Motion, Reading]:
@@ -189,7 +212,7 @@ def _on_its_body(found: tuple[Motion, Reading]) -> tuple[Motion, Reading]:
     skeleton, joints = motion.skeleton, motion.positions[some].astype(np.float64)
     bones = np.linalg.norm(joints[:, 1:] - joints[:, list(skeleton.parents[1:])], axis=-1)
     lengths, own = np.median(bones, axis=0), skeleton.bone_lengths[1:]
-    if np.abs(lengths - own).max() < _SAME or not (own > 0).all():
+    if np.abs(lengths - own).max(initial=0) < _SAME or not (own > 0).all():
         return found
     offsets = skeleton.offsets.copy()
     offsets[1:] *= (lengths / own)[:, None]

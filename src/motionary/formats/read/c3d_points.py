@@ -21,13 +21,13 @@ from motionary.errors import InputError
 from motionary.files import readable
 from motionary.formats.measure import UNITS
 from motionary.formats.read.extent import check_extent
+from motionary.formats.read.gaps import filled, unseen
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.formats.read.settle import Settled, settle, with_roles
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rigs import REQUIRED, find_roles
 from motionary.motion.roles import read_mapping
 
-_MOST_MISSING = 0.5  # of the frames, in which a joint has no place
 _SHOWN = 8  # labels in a message
 _WORDS = {"millimeters": "mm", "centimeters": "cm", "meters": "m", "metres": "m", "inches": "in"}
 _USUAL = {
@@ -42,8 +42,9 @@ def c3d_with(
 ) -> tuple[Motion, Reading]:
     """Read the joints of one person from a C3D file.
 
-    Frames at both ends in which a joint has no place are left out; gaps between are filled on a straight line, and
-    said. A pelvis that is not there lies between the hips.
+    A joint has no place where its residual says so, and where it is exactly zero, as many programs write. Frames at
+    both ends in which one has none are left out; gaps between are filled on a straight line; both are said. A pelvis
+    that is not there lies between the hips.
 
     Args:
         path: the .c3d file.
@@ -71,8 +72,9 @@ def c3d_with(
             raise InputError(path, f"{len(places)} frames of {frames}", "must be whole, the file is cut")
         rate = float(reader.point_rate) if fps is None else fps
         unit = _text(reader, "POINT:UNITS").lower()
-    places, notes = _filled(path, places, list(roles))
     names = list(roles)
+    gone = ~np.isfinite(places[..., 0]) | unseen(places, {name: i for i, name in enumerate(names)})
+    _, places, notes = filled(path, places, gone, names)
     if "pelvis" not in names:
         hips = [names.index("left_hip"), names.index("right_hip")]
         places, names = np.concatenate([places[:, hips].mean(1, keepdims=True), places], axis=1), ["pelvis", *names]
@@ -133,27 +135,6 @@ def _places(reader: Any, points: list[int]) -> np.ndarray:
         missing = (row[:, 3] < 0) | ~np.isfinite(row[:, :3]).all(1)  # a residual of -1: not seen
         rows.append(np.where(missing[:, None], np.nan, row[:, :3]))
     return np.stack(rows) if rows else np.empty((0, len(points), 3))
-
-
-def _filled(path: Path, places: np.ndarray, names: Sequence[str]) -> tuple[np.ndarray, list[str]]:
-    """The frames from the first to the last that have every joint, gaps on straight lines; and what was filled."""
-    there = np.isfinite(places[..., 0])  # a point that was not seen has no coordinate at all
-    for joint, name in enumerate(names):
-        if len(places) and (share := 1 - there[:, joint].mean()) > _MOST_MISSING:
-            rule = f"a joint must have a place in {1 - _MOST_MISSING:.0%} of the frames"
-            raise InputError(f"{path}, {name}", f"missing in {share:.0%}", rule)
-    whole = np.flatnonzero(there.all(1))
-    if len(whole) == 0:
-        raise InputError(path, f"{len(places)} frames", "must have one in which every joint has a place")
-    places, there = places[whole[0] : whole[-1] + 1].copy(), there[whole[0] : whole[-1] + 1]
-    time, gaps = np.arange(len(places)), []
-    for joint in map(int, np.flatnonzero(~there.all(0))):
-        seen = there[:, joint]
-        for axis in range(3):
-            places[~seen, joint, axis] = np.interp(time[~seen], time[seen], places[seen, joint, axis])
-        gaps.append(f"{names[joint]} in {int((~seen).sum())}")
-    notes = [f"without a place, filled on straight lines: {', '.join(gaps)} of {len(places)} frames"] if gaps else []
-    return places, notes
 
 
 def _motion(
