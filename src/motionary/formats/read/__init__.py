@@ -11,6 +11,7 @@ from typing import Any
 
 from motionary.errors import InputError, InputWarning
 from motionary.formats.dispatch import foreseen, function_of, given
+from motionary.formats.read.doubts import doubts_of
 from motionary.formats.read.reading_options import Reading, ReadingOptions
 from motionary.motion import Motion
 
@@ -111,7 +112,9 @@ def _read(
     """What the reader gives; its complaints name the file."""
     try:
         with foreseen(path, "cannot be read as a motion (damaged?)"):
-            return reader(path, options=how, **extra)
+            motion, reading = reader(path, options=how, **extra)
+            notes = doubts_of(motion, extra.get("fps") is not None)
+            return motion, replace(reading, notes=(*reading.notes, *notes))
     except InputError as error:
         if str(path) in error.what or getattr(how.mapping, "where", "mapping") in error.what:
             raise

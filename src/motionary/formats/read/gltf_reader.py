@@ -37,6 +37,7 @@ _OURS = ReadingOptions(up="y", unit=1.0, mirror=False, skip_first=False)
 _USUAL = {"up": {"y": 3.0, "z": 0.5}, "unit": UNIT_USUAL | {"m": 2.0}, "mirror": {"no": 2.0}}
 _STILL = 1e-6  # of a translation's size
 _UNEVEN = 1e-3
+_RARE = 5.0  # s between keys
 
 
 def gltf_with(
@@ -69,7 +70,7 @@ def gltf_with(
     ours = file.document["asset"].get("generator") == GENERATOR
     rate = fps or _written_rate(file, ours) or rate_of(channels.values())
     times = _times(file, channels, rate, len(joints))
-    notes += _uneven(file, joints, channels)
+    notes += [*_uneven(file, joints, channels), *_rare_keys(channels)]
     track = _track(file, joints, channels, times, rate, ours)
     del file, channels
     motion, reading = to_motion(track, rate, path, options.over(_OURS) if ours else options, _USUAL)
@@ -172,6 +173,15 @@ def _uneven(file: GltfFile, joints: list[int], channels: Mapping[tuple[int, str]
         return []
     names = ", ".join(file.nodes[node].name for node in dict.fromkeys(uneven))
     return [f"scales that change or differ by axis were left aside, so bones may have other lengths: {names}"]
+
+
+def _rare_keys(channels: Mapping[Any, Channel]) -> list[str]:
+    """What to say of keys that lie so far apart that their times may be no seconds."""
+    steps = [float(np.median(np.diff(channel.times))) for channel in channels.values() if len(channel.times) > 1]
+    if not steps or (apart := min(steps)) <= _RARE:
+        return []
+    otherwise = "(say otherwise by dividing them by 1000 in the file)"
+    return [f"keys lie {apart:.3g} s apart, as where times are milliseconds: glTF's are seconds {otherwise}"]
 
 
 def _track(
