@@ -1,4 +1,4 @@
-"""Who plays which role: by the names of many programs, by the tree alone, and against a wrong mapping."""
+"""Who plays which role: by the tree alone, and against a wrong mapping."""
 
 from __future__ import annotations
 
@@ -6,78 +6,11 @@ import numpy as np
 import pytest
 
 from motionary.motion import Skeleton
-from motionary.motion.rigs import LIMBS, REQUIRED, find_roles
+from motionary.motion.rigs import REQUIRED
 from motionary.motion.roles import contradictions, disagreements, roles_of
 from motionary.motion.tree import roles_by_tree
 
 SMPL = Skeleton.named("smpl22")
-CENTER = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
-# Names of pelvis, three of the spine, neck and head; of the eight joints of a limb pair in the order of LIMBS, with the
-# side in the place of *; and the words for left and right.
-NAMES = {
-    "mixamo": (
-        "Hips Spine Spine1 Spine2 Neck Head",
-        "*UpLeg *Leg *Foot *ToeBase *Shoulder *Arm *ForeArm *Hand",
-        "Left Right",
-    ),
-    "xsens": (
-        "Hips Chest Chest2 Chest4 Neck Head",
-        "*Hip *Knee *Ankle *Toe *Collar *Shoulder *Elbow *Wrist",
-        "Left Right",
-    ),
-    "unreal": (
-        "pelvis spine_01 spine_02 spine_03 neck_01 head",
-        "thigh_* calf_* foot_* ball_* clavicle_* upperarm_* lowerarm_* hand_*",
-        "l r",
-    ),
-    "unity": (
-        "Hips Spine Chest UpperChest Neck Head",
-        "*UpperLeg *LowerLeg *Foot *Toes *Shoulder *UpperArm *LowerArm *Hand",
-        "Left Right",
-    ),
-    "vroid": (
-        "C_Hips C_Spine C_Chest C_UpperChest C_Neck C_Head",
-        "*_UpperLeg *_LowerLeg *_Foot *_ToeBase *_Shoulder *_UpperArm *_LowerArm *_Hand",
-        "L R",
-    ),
-    "rigify": (
-        "spine spine.001 spine.002 spine.003 spine.004 spine.006",
-        "thigh.* shin.* foot.* toe.* shoulder.* upper_arm.* forearm.* hand.*",
-        "L R",
-    ),
-    "mocopi": (
-        "root torso_1 torso_4 torso_7 neck_1 head",
-        "*_up_leg *_low_leg *_foot *_toes *_shoulder *_up_arm *_low_arm *_hand",
-        "l r",
-    ),
-    "mmd": ("下半身 上半身 首飾り 上半身2 首 頭", "*足 *ひざ *足首 *つま先 *肩 *腕 *ひじ *手首", "左 右"),
-}
-ROLES = [*CENTER, *(f"{side}_{part}" for part in LIMBS for side in ("left", "right"))]
-
-
-def names_of(rig: str) -> dict[str, str]:
-    """A joint's name by role."""
-    center, limbs, sides = (text.split() for text in NAMES[rig])
-    found = dict(zip(CENTER, center, strict=True))
-    for part, name in zip(LIMBS, limbs, strict=True):
-        for side, word in zip(("left", "right"), sides, strict=True):
-            found[f"{side}_{part}"] = name.replace("*", word)
-    return found
-
-
-@pytest.mark.parametrize(
-    "affixes", [("", ""), ("Character1_", ""), ("ns:rig:", ""), ("Bip01 ", ""), ("", "_JNT"), ("DEF-", "")]
-)
-@pytest.mark.parametrize("rig", NAMES)
-def test_names_of_many_programs_with_any_prefix(rig, affixes):
-    """Every role is found, whatever stands before or after all names, and in any case."""
-    names = names_of(rig)
-    for change in (str, str.upper):
-        joints = tuple(change(f"{affixes[0]}{names[role]}{affixes[1]}") for role in ROLES)
-        found = find_roles(joints)
-        assert {role: ROLES[joint] for role, joint in found.items() if role != "spine2"} == {
-            role: role for role in ROLES if role != "spine2"
-        }
 
 
 def built(extra: str = "") -> tuple[list[str], list[int], np.ndarray]:
