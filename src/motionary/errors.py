@@ -12,7 +12,7 @@ from typing import Any, TypeVar, get_origin, get_type_hints
 
 T = TypeVar("T")
 
-_LONGEST = 120
+_LONGEST, _LOOKED_AT = 120, 10_000
 
 
 class InputError(ValueError):
@@ -27,7 +27,7 @@ class InputError(ValueError):
     """
 
     def __init__(self, what: object, value: object, rule: str):
-        self.what, self.value, self.rule = _ends(_printable(what)), value, _printable(rule)
+        self.what, self.value, self.rule = _ends(_printable(_ends(str(what), _LOOKED_AT))), value, _printable(rule)
         super().__init__(f"{self.what}: {shortened(value)}: {self.rule}")
 
     def of(self, file: object) -> InputError:
@@ -55,10 +55,12 @@ def _printable(text: object) -> str:
 def shortened(value: object, most: int = _LONGEST) -> str:
     """A value as one line of at most `most` characters; one that Python cannot print is named by its type."""
     try:
-        found = _printable(" ".join(str(value).split()))
+        whole = str(value)
     except (RecursionError, ValueError):
-        found = f"a {type(value).__name__}"
-    return found if len(found) <= most else found[: most - 3] + "..."
+        whole = f"a {type(value).__name__}"
+    begin = whole[: max(_LOOKED_AT, most)]  # of a file of megabytes not more is made printable
+    found = _printable(" ".join(begin.split()))
+    return found if len(found) <= most and len(begin) == len(whole) else found[: most - 3] + "..."
 
 
 KEPT = "kept as it is; use force=True to replace it"  # the rule of a file or folder that is there; a shell says --force
@@ -95,6 +97,7 @@ def check_values(section: str, config: object, names: Iterable[str], holds: Call
 
 # Settings beyond these are typing errors: channels of a layer, layers of a stack, a loss weight, any count.
 WIDEST, DEEPEST, HEAVIEST, MOST = 65536, 64, 1_000_000, 1_000_000
+MOST_ASKED, MOST_DRAWS = 10_000, 1_000  # results of one call, and draws that captions agree with
 STRONGEST = 100  # times a style: far beyond what looks like anything
 
 
@@ -111,29 +114,23 @@ def check_share(section: str, config: object, names: Iterable[str]) -> None:
 def is_real(value: object) -> bool:
     """Whether a value is a number that is finite; true and false are none."""
     try:
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    except OverflowError:  # a whole number beyond all floats
-        return False
-
-
-def check_whole(name: str, value: Any, least: int) -> None:
-    """InputError unless `value` is a whole number (also of numpy) of at least `least`."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
-        raise InputError(name, value, f"must be a whole number, at least {least}")
-
-
-def _number(value: Any) -> bool:
-    try:
         return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:  # a whole number beyond all floats
         return False
+
+
+def check_whole(name: str, value: Any, least: int, most: int | None = None) -> None:
+    """InputError unless `value` is a whole number (also of numpy) of at least `least`, and at most `most`."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least or (most and int(value) > most):
+        upper = f", at most {most:,}" if most else ""
+        raise InputError(name, value, f"must be a whole number, at least {least}{upper}")
 
 
 _hints = cache(get_type_hints)
 _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
     bool: (lambda value: isinstance(value, bool), "must be true or false"),
     int: (lambda value: isinstance(value, Integral) and not isinstance(value, bool), "must be a whole number"),
-    float: (_number, "must be a number"),
+    float: (is_real, "must be a number"),
     str: (lambda value: isinstance(value, str), "must be text"),
 }
 _listed = (lambda value: isinstance(value, list | tuple), "must be a list")

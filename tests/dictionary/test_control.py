@@ -13,7 +13,7 @@ from motionary.corpus.demo import demo_clip
 from motionary.dictionary import load
 from motionary.errors import InputError
 from motionary.formats import read_motion
-from motionary.motion import Motion, Skeleton, retarget
+from motionary.motion import Motion, Skeleton, resample, retarget
 from motionary.motion.pinning import on_body, placed_at
 
 WALK, WAVE = "a person walks forward", "a person waves with the left hand"
@@ -118,7 +118,29 @@ def test_from_one_pose_to_another_and_on(d, walk):
         (lambda d, m: d.generate([WALK] * 3, seconds=[1, 2], join=True), "one for each of 3 texts"),
         (lambda d, m: d.generate(WALK, join="yes"), "join: yes: must be True or False"),
         (lambda d, m: d.edit(m, WAVE, 1, 1), "start, end: 1 to 1: must be 0 <= start < end"),
+        (lambda d, m: d.edit(m, WAVE, 0, 10**5000), "start, end: 0 to a int: must be 0 <= start < end"),
         (lambda d, m: d.edit(m, WAVE, 1, 1.001), "holds no frame"),
+        (lambda d, m: d.generate(WALK, seconds=2, keyframes={1: [m, m]}), "keyframes at 1 s: .*must be one Motion"),
+        (lambda d, m: d.generate(WALK, seconds=2, path=[[0, 10**400], [1, 1]]), "path: .*must be points"),
+        (lambda d, m: d.generate(WALK, n=2**70), "n: .*at most 10,000"),
+        (lambda d, m: d.generate(WALK, temperature="x"), "temperature: x: must be a number"),
+        (lambda d, m: d.generate(WALK, temperature=10**400), "temperature: .*must be a number"),
+        (lambda d, m: d.generate(WALK, top_k=1.5), "top_k: 1.5: must be a whole number"),
+        (lambda d, m: d.generate(WALK, greedy="x"), "greedy: x: must be true or false"),
+        (lambda d, m: d.generate(WALK, bogus=1), "bogus: 1: unknown option"),
+        (lambda d, m: d.generate(WALK, system=["x"]), r"system: \['x'\]: must be one of"),
+        (lambda d, m: d.caption(m, beams=2**70), "beams: .*at most 10,000"),
+        (lambda d, m: d.caption(m, consensus=3000), "consensus: 3000: .*at most 1,000"),
+        (lambda d, m: d.caption(m, temperature="x"), "temperature: x: must be a number"),
+        (lambda d, m: d.search(WALK, k=2**70), "k: .*at most 10,000"),
+        (lambda d, m: d.extend([m, m]), "motion: .*must be one Motion"),
+        (lambda d, m: load(5), "models: 5: must be the path of a folder"),
+        (lambda d, m: load("a" * 5000), "missing: must be a folder of trained models"),
+        (lambda d, m: m.crop(0.5, 2.5), r"crop: \(0.5, 2.5\): must be whole numbers"),
+        (lambda d, m: m.plant_feet(1.5), "first_frame: 1.5: must be a whole number"),
+        (lambda d, m: m.to(None), "rig: None: must be"),
+        (lambda d, m: resample(m, "x"), "fps: x: must be frames per second"),
+        (lambda d, m: Motion(m.positions, 20, None), "skeleton: None: must be a Skeleton"),
         (lambda d, m: d.edit(m, WAVE, 1, 99), "must be 0 <= start < end"),
         (lambda d, m: d.edit(m, WAVE, 0, m.duration), "is the whole motion"),
         (lambda d, m: d.between(m, m, seconds=0), "seconds: 0"),
@@ -159,6 +181,12 @@ def test_the_shell_says_the_same(pipeline, walk, tmp_path, capsys):
     assert row["seconds"] == pytest.approx(walk.duration + 1, abs=0.06)
     (row,) = ran("edit", file, "--between", file, "--seconds", "1")
     assert row["seconds"] == pytest.approx(1.05)
-    for bad in (["edit", file], ["edit", file, "--start", "1"], ["generate", WALK, "--keyframe", "x=y"]):
+    (row,) = ran("generate", WALK, "--greedy", "--guidance", "1", "--top-k", "5", "--seconds", "1")
+    for bad in (
+        ["edit", file], ["edit", file, "--start", "1"], ["generate", WALK, "--keyframe", "x=y"],
+        ["edit", file, "--extend", "0"], ["edit", file, "--between", ""],
+        ["edit", file, "--extend", "1", "--seconds", "2"],
+        ["generate", WALK, "--style", "old", "--loop"], ["act", "walk", "--steps", "3"],
+    ):  # fmt: skip
         assert main([*bad, *common]) == 2
         assert capsys.readouterr().err.count("\n") == 1

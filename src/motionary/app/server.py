@@ -115,7 +115,7 @@ def check_port(host: str, port: int) -> None:
         with socket.socket(family, kind, proto) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(address)
-    except socket.gaierror:
+    except (socket.gaierror, UnicodeError):
         raise InputError("--host", host, "must be an address of this machine") from None
     except OSError as error:
         if error.errno == errno.EADDRINUSE:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
+from motionary.errors import shortened
+
 
 @dataclass(frozen=True)
 class Command:
@@ -30,6 +32,7 @@ class Command:
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """One line and exit code 2."""
+        message = shortened(message, 1000)
         self.exit(2, f"error: {message}; see `{self.prog} --help`\n")
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motionary.errors import InputError
+from motionary.errors import InputError, shortened
 
 if TYPE_CHECKING:
     from motionary.motion import Motion
@@ -24,7 +24,10 @@ def points(text: str) -> list[list[float]]:
     """The type of --path: x,z pairs between blanks."""
     from motionary.motion.paths import read_points
 
-    return read_points(text)
+    try:
+        return read_points(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(f"{shortened(text)}: {error.rule}") from None
 
 
 points.__name__ = "points x,z between blanks"

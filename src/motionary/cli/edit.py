@@ -39,16 +39,17 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.formats import read_motion
 
     span = (options.start, options.end) if (options.start, options.end) != (None, None) else None
-    asked = [n for n, v in (("--start", span), ("--extend", options.extend), ("--between", options.between)) if v]
+    ways = (("--start", span), ("--extend", options.extend), ("--between", options.between))
+    asked = [name for name, value in ways if value is not None]
     if len(asked) != 1:
         raise InputError("edit", " ".join(asked) or "nothing asked", "give --start and --end, --extend, or --between")
-    if options.seconds is not None and not options.between:
+    if options.seconds is not None and options.between is None:
         raise InputError("--seconds", options.seconds, "is the length of --between")
     name = f"{Path(options.file).stem}-{asked[0].strip('-').replace('start', 'edited')}"
     outputs = Outputs(options)
     read = {"fps": options.source_fps, **shared.reading(options)}
     motion = read_motion(options.file, **read)
-    other = read_motion(options.between, **read) if options.between else None
+    other = read_motion(options.between, **read) if options.between is not None else None
     dictionary = shared.open_models(options)
     made = _made(dictionary, motion, other, options)
     outputs.claim([name])

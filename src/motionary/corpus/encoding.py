@@ -102,3 +102,11 @@ def listed(values: Any, kind: type[T], name: str) -> list[T]:
     if isinstance(values, list | tuple) and values and all(isinstance(value, kind) for value in values):
         return list(values)
     raise InputError(name, repr(values), f"must be one {kind.__name__} or a list of them")
+
+
+def one(value: Any, kind: type[T], name: str) -> T:
+    """The value, or the one in a list of one; InputError for anything else."""
+    found = value[0] if isinstance(value, list | tuple) and len(value) == 1 else value
+    if not isinstance(found, kind):
+        raise InputError(name, repr(value), f"must be one {kind.__name__}")
+    return found

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from motionary.corpus.encoding import as_joints, frames_of, listed, planted
-from motionary.errors import InputError, check_whole
+from motionary.corpus.encoding import as_joints, frames_of, listed, one, planted
+from motionary.errors import MOST_ASKED, InputError, check_whole
 from motionary.motion import Motion
 from motionary.systems.action_protocols import ActionToMotion
 
@@ -24,7 +24,7 @@ def act(
     feet: bool,
 ) -> list[Motion]:
     """n motions of one plan; see the dictionary's method."""
-    check_whole("n", n, 1)
+    check_whole("n", n, 1, MOST_ASKED)
     check_whole("seed", seed, 0)
     actions = listed(action, str, "action")
     lengths: list[Any] = list(seconds) if isinstance(seconds, list | tuple) else [seconds] * len(actions)
@@ -33,7 +33,7 @@ def act(
     plan = [(name, frames_of(length, actor.context)) for name, length in zip(actions, lengths, strict=True)]
     starts = None
     if start is not None:
-        (given,) = listed(start, Motion, "start")
+        given = one(start, Motion, "start")
         starts = [as_joints(given, actor.context)] * n
     seeds = [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(n)]
     first_frame = 0 if starts is None else len(starts[0])
@@ -44,8 +44,8 @@ def between(
     actor: ActionToMotion, action: str, steps: int, seconds: float, seeds: tuple[int, int], scale: float
 ) -> list[Motion]:
     """Motions whose first latents lie between those of two seeds; see the dictionary's method."""
-    check_whole("steps", steps, 2)
-    (name,) = listed(action, str, "action")
+    check_whole("steps", steps, 2, MOST_ASKED)
+    name = one(action, str, "action")
     if not isinstance(seeds, list | tuple) or len(seeds) != 2:
         raise InputError("seeds", seeds, "must be two")
     for seed in seeds:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from motionary.corpus.encoding import as_motion, frames_of, planted
 from motionary.dictionary.prompted import Prompts
-from motionary.errors import check_whole
+from motionary.errors import MOST_ASKED, check_whole
 from motionary.motion import Motion, fit_rotations
 from motionary.systems.protocols import TextBlender
 from motionary.systems.registry import BLEND
@@ -30,7 +30,7 @@ class Blending(Prompts):
         Raises:
             InputError: a text that cannot be read, a value out of range, a system that is not there.
         """
-        check_whole("steps", steps, 2)
+        check_whole("steps", steps, 2, MOST_ASKED)
         check_whole("seed", seed, 0)
         (one,), (other,) = self._sentences(first, "first"), self._sentences(second, "second")
         blender: TextBlender = self._open(BLEND, system)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from motionary.corpus.context import Context
-from motionary.corpus.encoding import listed
+from motionary.corpus.encoding import one
 from motionary.errors import InputError
 from motionary.motion import Motion, resample, retarget
 from motionary.motion.joining import concatenated, filled, interpolated, joined, looped, stretched
@@ -76,7 +76,7 @@ def checked_keyframes(keyframes: Mapping[Any, Any], frames: int, context: Contex
     for seconds, pose in keyframes.items():
         if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not 0 <= seconds <= longest + 1e-6:
             raise InputError("keyframes", seconds, f"times must be from 0 to {longest:g} s, within the motion")
-        (given,) = listed(pose, Motion, f"keyframes at {seconds:g} s")
+        given = one(pose, Motion, f"keyframes at {seconds:g} s")
         frame = min(round(seconds * context.fps), frames - 1)
         if frame in found:
             raise InputError("keyframes", f"{seconds:g} s", "two poses fall on one frame")
@@ -134,7 +134,7 @@ def on_models(motion: Any, context: Context, name: str) -> Motion:
     Raises:
         InputError: no motion, or on an unknown rig.
     """
-    (given,) = listed(motion, Motion, name)
+    given = one(motion, Motion, name)
     return retarget(resample(given, context.fps), context.skeleton)
 
 

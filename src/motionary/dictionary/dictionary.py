@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from motionary.corpus.encoding import encode, listed, planted
+from motionary.corpus.encoding import encode, listed, one, planted
 from motionary.dictionary.editing import Editing
 from motionary.dictionary.matches import Match
 from motionary.dictionary.places import usual_models
-from motionary.errors import InputError, check_whole
+from motionary.errors import MOST_ASKED, MOST_DRAWS, InputError, check_whole
 from motionary.motion import Motion
 from motionary.systems.protocols import CorpusSearch, MotionToText
 from motionary.systems.registry import ACT, MOTION_TO_TEXT, SEARCH, STYLIZE
+from motionary.systems.requests import check_options
 
 
 def load(models: str | Path | None = None, device: str = "auto") -> Dictionary:
@@ -34,8 +36,10 @@ def load(models: str | Path | None = None, device: str = "auto") -> Dictionary:
         >>> d = motionary.load("models")  # doctest: +SKIP
         >>> d.generate("a person waves", n=3, seed=0)[0].save("wave.bvh")  # doctest: +SKIP
     """
+    if models is not None and not isinstance(models, str | os.PathLike):
+        raise InputError("models", models, "must be the path of a folder of trained models")
     folder = usual_models() if models is None else Path(models)
-    if not folder.is_dir():
+    if not os.path.isdir(folder):  # also where the name is longer than names can be
         raise InputError(folder, "missing", "must be a folder of trained models; run `dvc repro` first")
     dictionary = Dictionary(folder, device)
     if not dictionary.systems:
@@ -76,8 +80,11 @@ class Dictionary(Editing):
             InputError: a motion that is too short or on an unknown rig, a value out of range, a missing system.
         """
         several = listed(motions, Motion, "motions")
-        for name, value, least in (("n", n, 1), ("beams", beams, 1), ("seed", seed, 0), ("consensus", consensus, 0)):
-            check_whole(name, value, least)
+        for name, value in (("n", n), ("beams", beams)):
+            check_whole(name, value, 1, MOST_ASKED)
+        check_whole("seed", seed, 0)
+        check_whole("consensus", consensus, 0, MOST_DRAWS)
+        check_options({"temperature": temperature})
         if consensus and temperature is not None:
             raise InputError("consensus", consensus, "draws at temperature 1; leave `temperature` out")
         captioner: MotionToText = self._open(MOTION_TO_TEXT, system)
@@ -100,7 +107,7 @@ class Dictionary(Editing):
         Raises:
             InputError: a text that cannot be read, k below 1, or a missing evaluator, index or corpus.
         """
-        check_whole("k", k, 1)
+        check_whole("k", k, 1, MOST_ASKED)
         sentences = self._sentences(texts)
         retrieval: CorpusSearch = self._open(SEARCH, system)
         with self._lock:
@@ -199,7 +206,7 @@ class Dictionary(Editing):
         """
         from motionary.dictionary.restyling import interpolate
 
-        (content,) = listed(motion, Motion, "motion")
+        content = one(motion, Motion, "motion")
         transfer = self._open(STYLIZE)
         with self._lock:
             return planted(interpolate(transfer, content, first, second, steps, seed), feet)

@@ -12,7 +12,7 @@ from motionary.corpus.encoding import encode
 from motionary.dictionary.control import edited, on_models
 from motionary.dictionary.generating import Generating
 from motionary.dictionary.infilling import infilled
-from motionary.errors import InputError, check_whole
+from motionary.errors import InputError, check_whole, is_real, shortened
 from motionary.motion import Motion
 from motionary.motion.paths import FASTEST
 from motionary.systems.control_protocols import MotionInfiller
@@ -154,18 +154,18 @@ class Editing(Generating):
 def _frames(seconds: Any, context: Context, least: int = 1) -> int:
     """Frames of a number of seconds; InputError names the range."""
     longest = context.max_frames / context.fps
-    number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
-    if not number or not least / context.fps - 1e-9 <= seconds <= longest + 1e-9:
+    if not is_real(seconds) or not least / context.fps - 1e-9 <= seconds <= longest + 1e-9:
         raise InputError("seconds", seconds, f"must be a number from {least / context.fps:g} to {longest:g}")
     return round(seconds * context.fps)
 
 
 def _span(start: Any, end: Any, motion: Motion, context: Context) -> tuple[int, int]:
     """First and last frame of a span in seconds."""
-    numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in (start, end))
+    numbers = is_real(start) and is_real(end)
     longest = context.max_frames / context.fps
     if not numbers or not 0 <= start < end <= motion.duration + 1e-6:
-        raise InputError("start, end", f"{start} to {end}", f"must be 0 <= start < end <= {motion.duration:g} s")
+        rule = f"must be 0 <= start < end <= {motion.duration:g} s"
+        raise InputError("start, end", f"{shortened(start)} to {shortened(end)}", rule)
     first, last = round(start * motion.fps), min(round(end * motion.fps), motion.frames)
     if last <= first:
         raise InputError("start, end", f"{start:g} to {end:g} s", f"holds no frame at {motion.fps:g} per second")

@@ -52,7 +52,7 @@ class Folder:
     def offering(self, offer: str) -> tuple[str, ...]:
         """Names of the systems of the folder that offer something, the usual one first; opens none of them. Usual is
         the one that the report found best, where there is a report, else the registry's."""
-        withheld = self._manifest.get("withheld", {})
+        withheld = self._manifest.get("withheld") or {}
         found = [name for name in offering(offer, self.systems) if offer not in withheld.get(name, ())]
         return tuple(sorted(found, key=lambda name: name != self._best.get(offer)))
 
@@ -66,7 +66,11 @@ class Folder:
     def _manifest(self) -> dict[str, Any]:
         """What ``bundle.json`` says, where the folder is a bundle."""
         file = self.models / MANIFEST
-        return _read(file, "`motionary bundle`") if file.is_file() else {}
+        found = _read(file, "`motionary bundle`") if file.is_file() else {}
+        kept = found.get("withheld") or {}
+        if not isinstance(kept, dict) or not all(isinstance(offers, list) for offers in kept.values()):
+            raise InputError(f"{file}, withheld", kept, "must be lists of what systems do not offer, by system")
+        return found
 
     def first_of(self, *offers: str) -> str:
         """The usual system of the first of these offers that the folder has, else any that it has."""
@@ -78,7 +82,7 @@ class Folder:
         from motionary.systems.io import open_system
 
         here = self.offering(offer)
-        if name is not None and name not in known():
+        if name is not None and (not isinstance(name, str) or name not in known()):
             rule = f"must be one of {', '.join(here)}" if here else f"none of these models can {TELLS[offer]}"
             raise InputError("system", name, rule)
         chosen = name or (here or offering(offer))[0]
@@ -118,6 +122,6 @@ class Folder:
 def _read(file: Path, writer: str) -> dict[str, Any]:
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(file, error, f"must be JSON as {writer} writes it") from None
     return found if isinstance(found, dict) else {}

@@ -12,7 +12,7 @@ from motionary.corpus.context import Context
 from motionary.corpus.encoding import as_motion, frames_of, planted
 from motionary.dictionary import control
 from motionary.dictionary.blending import Blending
-from motionary.errors import InputError, check_whole
+from motionary.errors import MOST_ASKED, InputError, check_whole
 from motionary.language import Sentence
 from motionary.motion import Motion, fit_rotations
 from motionary.motion.paths import checked_path
@@ -64,7 +64,7 @@ class Generating(Blending):
                 cannot be met, a system that is not there.
         """
         sentences = self._sentences(texts)
-        check_whole("n", n, 1)
+        check_whole("n", n, 1, MOST_ASKED)
         check_whole("seed", seed, 0)
         control.check_one(loop, path, keyframes, join, len(sentences))
         check_options(options)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from motionary.corpus.encoding import as_motion, encode, listed
-from motionary.errors import STRONGEST, InputError, check_whole
+from motionary.corpus.encoding import as_motion, encode, one
+from motionary.errors import MOST_ASKED, STRONGEST, InputError, check_whole
 from motionary.motion import Motion, fit_rotations, resample
 from motionary.motion.rigging import Rig, to_rig
 from motionary.systems.protocols import Made, MotionStylizer
@@ -24,7 +24,7 @@ def stylize(
     strength: float,
 ) -> list[list[Motion]]:
     """n variants of every motion; see the dictionary's method."""
-    check_whole("n", n, 1)
+    check_whole("n", n, 1, MOST_ASKED)
     check_whole("seed", seed, 0)
     number = isinstance(strength, int | float) and not isinstance(strength, bool)
     if not number or not 0 <= strength <= STRONGEST:
@@ -60,7 +60,7 @@ def interpolate(
 
     from motionary.nn.noise import normal_noise
 
-    check_whole("steps", steps, 2)
+    check_whole("steps", steps, 2, MOST_ASKED)
     check_whole("seed", seed, 0)
     ends = (first, second)
     if all(isinstance(end, str) for end in ends):
@@ -88,7 +88,7 @@ def label_of(transfer: MotionStylizer, style: str) -> int:
 
 
 def _reference(transfer: MotionStylizer, reference: Motion) -> np.ndarray:
-    (motion,) = listed(reference, Motion, "reference")
+    motion = one(reference, Motion, "reference")
     return encode(motion, transfer.context, whole=True)
 
 

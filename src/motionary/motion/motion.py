@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from numbers import Integral
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,8 @@ class Motion:
     rotations: np.ndarray | None = field(default=None)
 
     def __post_init__(self):
+        if not isinstance(self.skeleton, Skeleton):
+            raise InputError("skeleton", self.skeleton, "must be a Skeleton")
         joints = len(self.skeleton.joints)
         object.__setattr__(self, "positions", _array("positions", self.positions, (joints, 3)))
         fps = _number(self.fps)
@@ -73,8 +77,10 @@ class Motion:
         Raises:
             InputError: not 0 <= start_frame < end_frame <= frames.
         """
-        if not 0 <= start_frame < end_frame <= self.frames:
-            raise InputError("crop", (start_frame, end_frame), f"0 <= start < end <= {self.frames} frames")
+        whole = isinstance(start_frame, Integral) and isinstance(end_frame, Integral)
+        if not whole or not 0 <= start_frame < end_frame <= self.frames:
+            rule = f"must be whole numbers, 0 <= start < end <= {self.frames} frames"
+            raise InputError("crop", (start_frame, end_frame), rule)
         rotations = None if self.rotations is None else self.rotations[start_frame:end_frame]
         return Motion(self.positions[start_frame:end_frame], self.fps, self.skeleton, rotations)
 
@@ -94,6 +100,8 @@ class Motion:
         Raises:
             InputError: a role that retargeting needs is missing on either side, or the file is no rig.
         """
+        if not isinstance(rig, Skeleton | Motion | str | PathLike):
+            raise InputError("rig", rig, "must be a file's path, a motion or a skeleton")
         return to(self, rig)
 
     def plant_feet(self, first_frame: int = 0) -> Motion:
@@ -109,8 +117,8 @@ class Motion:
         Raises:
             InputError: first_frame is not among the frames.
         """
-        if not 0 <= first_frame <= self.frames:
-            raise InputError("first_frame", first_frame, f"must be from 0 to {self.frames}")
+        if not isinstance(first_frame, Integral) or not 0 <= first_frame <= self.frames:
+            raise InputError("first_frame", first_frame, f"must be a whole number from 0 to {self.frames}")
         return plant(self, first_frame)
 
     def __repr__(self) -> str:

@@ -28,7 +28,7 @@ def checked_path(points: Any, seconds: float) -> np.ndarray:
     """
     try:
         path = np.asarray(points, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError("path", points, "must be points (x, z) in metres") from None
     if path.ndim != 2 or path.shape[1] not in (2, 3) or len(path) < 2 or not np.isfinite(path).all():
         raise InputError("path", path.shape, "must be at least two finite points (x, z), or (x, y, z), in metres")

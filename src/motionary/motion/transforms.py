@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motionary.errors import InputError
+from motionary.errors import InputError, is_real
 from motionary.motion.facing import heading, rotate_y
 from motionary.motion.kinematics import agrees, forward_kinematics
 from motionary.motion.motion import FASTEST_RATE, SLOWEST_RATE, Motion
@@ -32,7 +32,7 @@ def canonicalize(motion: Motion) -> Motion:
 
 def check_rate(fps: float) -> None:
     """InputError unless motions can have this rate."""
-    if not SLOWEST_RATE <= fps <= FASTEST_RATE:
+    if not is_real(fps) or not SLOWEST_RATE <= fps <= FASTEST_RATE:
         raise InputError("fps", fps, f"must be frames per second, {SLOWEST_RATE:g} to {FASTEST_RATE:g}")
 
 
