@@ -161,6 +161,18 @@ def test_smpl_poses_by_the_names_of_other_programs(tmp_path, names, batch):
         read_motion(tmp_path / "b.npz")
 
 
+@pytest.mark.parametrize("added", [0, 1, 25])
+def test_zeros_behind_smpl_poses_are_padding(tmp_path, added):
+    poses, trans = np.full((30, 72), 0.3), np.tile([0.3, 0.4, 0.95], (30, 1))
+    poses[:, 0] = np.pi / 2
+    np.savez(tmp_path / "short.npz", poses=poses, trans=trans, framerate=30.0)
+    padded = [np.concatenate([array, np.zeros((added, array.shape[1]))]) for array in (poses, trans)]
+    np.savez(tmp_path / "a.npz", poses=padded[0], trans=padded[1], frame_rate=30.0)
+    motion, reading = read_motion_with(tmp_path / "a.npz")
+    np.testing.assert_array_equal(motion.positions, read_motion(tmp_path / "short.npz").positions)
+    assert any(f"the last {added} frames are all zero" in note for note in reading.notes) == (added > 0)
+
+
 @pytest.mark.parametrize("wrong", ["degrees", "millimetres", "centimetres"])
 def test_smpl_poses_in_other_units_are_refused(tmp_path, wrong):
     """Standing still too: a pelvis at 90 m is no pelvis."""

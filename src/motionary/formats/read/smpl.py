@@ -86,9 +86,10 @@ def smpl_motion(
     Raises:
         InputError: arrays of other shapes, no rate, or values that are not finite.
     """
-    poses, trans = _checked(path, arrays)
+    poses, trans, padding = _without_padding(*_checked(path, arrays))
     rate = _rate(path, arrays) if fps is None else fps
     offsets, pelvis, notes = _rest(path, arrays, options)
+    notes = [*padding, *notes]
     skeleton = Skeleton.named("smpl22").with_offsets(offsets)
     rotations = rotvec_to_unitquat(poses[:, : 3 * BODY].reshape(len(poses), BODY, 3))
     positions, _ = place(skeleton.parents, rotations, _moved(offsets, trans + pelvis))
@@ -137,6 +138,15 @@ def _checked(path: Path, arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.
     if (large := np.percentile(np.abs(poses[:, 3 : 3 * BODY]), 99)) > _LARGEST:
         raise InputError(f"{path}, {' and '.join(parts)}", f"angles of {large:.3g}", "must be radians, not degrees")
     return poses, trans
+
+
+def _without_padding(poses: np.ndarray, trans: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Without the zeros with which batches fill up short motions, and what to say of them; zeros alone are a motion."""
+    moved = np.flatnonzero(poses.any(1) | trans.any(1))
+    if not len(moved) or (empty := len(poses) - 1 - int(moved[-1])) == 0:
+        return poses, trans, []
+    kept = slice(len(poses) - empty)
+    return poses[kept], trans[kept], [f"the last {empty} frames are all zero and were left out"]
 
 
 def _rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
