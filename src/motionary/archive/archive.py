@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
-from motionary.archive.writing_out import HIDDEN, INDEX
+from motionary.archive.stored_index import (
+    AGAIN,
+    EMBEDDINGS,
+    HIDDEN,
+    INDEX,
+    TOLD,
+    check_judge,
+    read_clips,
+    read_embeddings,
+    read_told,
+    read_windows,
+)
 from motionary.dictionary import Dictionary
 from motionary.errors import InputError, check_whole
 from motionary.systems.io import model_hash
@@ -54,19 +63,20 @@ class Archive:
 
     def __init__(self, folder: str | Path):
         self.folder = Path(folder)
-        place = self.folder / HIDDEN / INDEX
+        self._place = place = self.folder / HIDDEN / INDEX
         if not self.folder.is_dir():
             raise InputError(folder, "missing", "must be a folder that `motionary index` has read")
-        if not (place / "index.json").is_file():
+        if not (place / TOLD).is_file():
             raise InputError(folder, "no index", f"run `motionary index {folder}` first")
+        self.told: dict[str, Any] = read_told(place)
+        check_judge(place, self.told)
+        self.clips, self._flags = read_clips(place)
+        self.embeddings = read_embeddings(place)
+        self.windows = read_windows(place, len(self.embeddings), len(self))
         try:
-            self.told: dict[str, Any] = json.loads((place / "index.json").read_text(encoding="utf-8"))
-            self.clips = pq.read_table(place / "clips.parquet").to_pydict()
-            self.windows = pq.read_table(place / "windows.parquet").to_pydict()
-            self.embeddings = np.load(place / "embeddings.npy", mmap_mode="r")
             self._clips_folder = (self.folder.resolve() / self.told["folder"]).resolve()
-        except Exception as error:
-            raise InputError(place, error, f"missing or damaged; run `motionary index {folder}` again") from None
+        except (OSError, ValueError, RuntimeError) as error:  # a name that none can have, a circle of links
+            raise InputError(f"{place / TOLD}: folder", error, AGAIN) from None
 
     def __len__(self) -> int:
         """Number of clips."""
@@ -94,7 +104,7 @@ class Archive:
         return rows[0] if isinstance(texts, str) else rows
 
     def _nearest(self, query: np.ndarray, k: int, sound: bool) -> list[Moment]:
-        away = np.linalg.norm(np.asarray(self.embeddings) - query, axis=-1) if len(self.embeddings) else np.zeros(0)
+        away = self._distances(query)
         found: list[Moment] = []
         for row in np.argsort(away, kind="stable"):
             moment = self._moment(int(row), float(away[row]))
@@ -105,9 +115,22 @@ class Archive:
                 break
         return found
 
+    def _distances(self, query: np.ndarray) -> np.ndarray:
+        """(W,) of every window to a query (E,)."""
+        if not len(self.embeddings):
+            return np.zeros(0)
+        if self.embeddings.shape[1:] != query.shape:
+            rule = f"must be {len(query)}, as the judge's are; run `motionary index` again"
+            raise InputError(self._place / EMBEDDINGS, f"{self.embeddings.shape[1]} columns", rule)
+        with np.errstate(over="ignore", invalid="ignore"):  # of damaged numbers, which the next line tells
+            away = np.linalg.norm(np.asarray(self.embeddings) - query, axis=-1)
+        if not np.isfinite(away).all():
+            raise InputError(self._place / EMBEDDINGS, "numbers that are not finite", AGAIN)
+        return away
+
     def _moment(self, row: int, distance: float) -> Moment:
         start, end, caption, clip = (self.windows[name][row] for name in ("start", "end", "caption", "clip"))
-        motion, flags = self.clips["file"][clip], json.loads(self.clips["flags"][clip])
+        motion, flags = self.clips["file"][clip], self._flags[clip]
         return Moment(motion, start, end, distance, caption, flags, self._file(motion))
 
     def _file(self, motion: str) -> str:
