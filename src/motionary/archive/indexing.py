@@ -13,13 +13,16 @@ from typing import Any
 from tqdm import tqdm
 
 from motionary.archive.parts import SUFFIX, ArchivePart, ClipRow, Readers, make_part, stored
-from motionary.archive.writing_out import HIDDEN, write_out
+from motionary.archive.stored_index import HIDDEN
+from motionary.archive.writing_out import write_out
+from motionary.archive.written_results import claim
 from motionary.corpus.clips import Clip
 from motionary.corpus.shared_rigs import with_shared_rigs
 from motionary.corpus.sources import FileMotion, checked_root, source_of
 from motionary.corpus.workers import in_order
 from motionary.dictionary import Dictionary, load
 from motionary.errors import InputError, check_whole
+from motionary.files import writable_folder
 from motionary.systems.io import model_hash
 from motionary.systems.registry import EMBED, MOTION_TO_TEXT
 
@@ -34,6 +37,7 @@ def index_folder(
     device: str = "auto",
     workers: int = 0,
     progress: bool = True,
+    force: bool = False,
 ) -> dict[str, Any]:
     """Caption, embed and grade all motions of a folder; :class:`motionary.archive.Archive` searches the result.
 
@@ -49,16 +53,18 @@ def index_folder(
         device: where models compute.
         workers: processes; 0 is one for each core.
         progress: show bars.
+        force: replace files that are called as the results are, but are not as an earlier index wrote them.
 
     Returns:
         Counts: "clips", "windows", "hours", "flagged" by flag, "duplicates" and "problems", a list of InputError.
 
     Raises:
-        InputError: no motion, missing models, or a place that cannot be written.
+        InputError: no motion, missing models, a place that cannot be written, or a file there that is not of an index.
     """
     check_whole("workers", workers, 0)
     folder = checked_root(Path(folder))
     out = folder if out is None else Path(out)
+    claim(out, force)
     readers, version = _readers(load(models, device), device)
     clips, problems = source_of(folder).clips()
     if not clips:
@@ -70,7 +76,7 @@ def index_folder(
     rigs: dict[Path, list[Path]] = {}
     wanted = {_key(clip, file, rigs): (clip, file) for clip, file in _named(clips, folder)}
     _make(parts, wanted, readers, workers, progress)
-    found = write_out(folder, out, _ordered(parts, wanted), version, progress)
+    found = write_out(folder, out, _ordered(parts, wanted), version, progress, force)
     for old in (out / HIDDEN).glob("parts-*"):
         if old != parts:
             shutil.rmtree(old, ignore_errors=True)
@@ -131,7 +137,7 @@ def _companions(path: Path, clip: Clip, rigs: dict[Path, list[Path]]) -> list[Pa
 def _make(parts: Path, wanted: dict[str, tuple[Clip, str]], readers: Readers, workers: int, progress: bool) -> None:
     """The parts that are not there yet; those of which nothing is wanted any more go. What could not be read is tried
     again: the disk or the network may be well by now."""
-    parts.mkdir(parents=True, exist_ok=True)
+    writable_folder(parts)
     done: set[str] = set()
     for path, part in stored(parts):
         if any(row.key in wanted for row in part.clips):

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from hashlib import sha256
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +19,18 @@ import pyarrow.parquet as pq
 from motionary.archive.duplicates import Pair, near_duplicates
 from motionary.archive.flags import Told, flags
 from motionary.archive.parts import ArchivePart, ClipRow
-from motionary.corpus.clips import Clip, inside
-from motionary.errors import InputError
+from motionary.archive.stored_index import CLIPS, EMBEDDINGS, HIDDEN, INDEX, TOLD, WINDOW_COLUMNS, WINDOWS
+from motionary.archive.written_results import CAPTIONS, DUPLICATES, FLAGS, WROTE, claim
+from motionary.corpus.clips import Clip, captions, inside, read_listing
 from motionary.files import atomic_folder, save_array, write_bytes
 
-HIDDEN, INDEX = ".motionary", "index"
-CAPTIONS, FLAGS, DUPLICATES = "captions.jsonl", "flags.jsonl", "duplicates.jsonl"
 Read = tuple[Clip, ClipRow, ArchivePart, int]
 
 
 def write_out(
-    folder: Path, out: Path, read: Sequence[Read], version: Mapping[str, str], progress: bool
+    folder: Path, out: Path, read: Sequence[Read], version: Mapping[str, str], progress: bool, force: bool
 ) -> dict[str, Any]:
-    """Write what was read of a folder into `out`; returns the counts."""
+    """Write what was read of a folder into `out`; returns the counts. InputError as of `claim`."""
     rows = [row for _, row, _, _ in read]
     suspected = flags([_told(clip, row) for clip, row, _, _ in read])
     windows = [(c, *window) for c, row in enumerate(rows) for window in row.windows]
@@ -51,11 +52,19 @@ def write_out(
         "duplicates": len(pairs),
     }
     there = os.path.relpath(folder.resolve(), out.resolve())  # so that both may be moved together
-    _write_index(out / HIDDEN / INDEX, rows, suspected, windows, embeddings, {**version, **counts, "folder": there})
-    _write_lines(out / CAPTIONS, _captions(folder, read, suspected, version["captioner"]))
     broken = [(row.file, own) for row, own in zip(rows, suspected, strict=True) if own]
-    _write_lines(out / FLAGS, ({"motion": file, "flags": own} for file, own in broken))
-    _write_lines(out / DUPLICATES, (_pair(pair, rows, windows) for pair in pairs))
+    results = {
+        CAPTIONS: _lines(_captions(folder, read, suspected, version["captioner"])),
+        FLAGS: _lines({"motion": file, "flags": own} for file, own in broken),
+        DUPLICATES: _lines(_pair(pair, rows, windows) for pair in pairs),
+    }
+    own = claim(out, force)  # again: reading may have taken hours
+    # The index comes first: a run that is killed after it leaves results of which it knows the hashes, old or new.
+    wrote = {name: sorted({sha256(data).hexdigest(), own.get(name, "")} - {""}) for name, data in results.items()}
+    told = {**version, **counts, "folder": there, WROTE: wrote}
+    _write_index(out / HIDDEN / INDEX, rows, suspected, windows, embeddings, told)
+    for name, data in results.items():
+        write_bytes(out / name, data)
     return counts
 
 
@@ -89,15 +98,13 @@ def _write_index(
         | {"measures": json.dumps(row.measures), "flags": json.dumps(own)}
         for row, own in zip(rows, suspected, strict=True)
     ]
-    names = ("clip", "start", "end", "caption")
     with atomic_folder(place) as temporary:
-        pq.write_table(pa.Table.from_pylist(clips), temporary / "clips.parquet")
-        table = {name: [window[i] for window in windows] for i, name in enumerate(names)}
-        kinds = (pa.int64(), pa.float64(), pa.float64(), pa.string())
-        schema = pa.schema(list(zip(names, kinds, strict=True)))
-        pq.write_table(pa.Table.from_pydict(table, schema), temporary / "windows.parquet")
-        save_array(temporary / "embeddings.npy", embeddings)
-        (temporary / "index.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        pq.write_table(pa.Table.from_pylist(clips), temporary / CLIPS)
+        table = {name: [window[i] for window in windows] for i, name in enumerate(WINDOW_COLUMNS)}
+        schema = pa.schema(list(WINDOW_COLUMNS.items()))
+        pq.write_table(pa.Table.from_pydict(table, schema), temporary / WINDOWS)
+        save_array(temporary / EMBEDDINGS, embeddings)
+        (temporary / TOLD).write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
 
 
 def _captions(
@@ -108,14 +115,14 @@ def _captions(
     for (clip, row, _, _), broken in zip(read, suspected, strict=True):
         if broken:
             continue
-        line = listed.get(row.file) or _line(clip, row)
+        values = listed.get((clip.where, row.file))
+        line = _line(clip, row) if values is None else _as_read(values, clip)
         made = [
             {"text": text, "start": round(start, 3), "end": round(end, 3), "source": captioner}
             for start, end, text in _apart(row.windows)
             if text
         ]
-        given = line.get("captions")
-        yield {**line, "captions": [*(given if isinstance(given, list) else []), *made]}
+        yield {**line, "captions": [*line["captions"], *made]}
 
 
 def _line(clip: Clip, row: ClipRow) -> dict[str, Any]:
@@ -126,19 +133,33 @@ def _line(clip: Clip, row: ClipRow) -> dict[str, Any]:
     return {"motion": row.file, **rate, **labels, "captions": said}
 
 
-def _listed(folder: Path) -> dict[str, dict[str, Any]]:
-    """The lines of a folder's `clips.jsonl` by motion, however they spell its path; what cannot be read was said when
-    the clips were listed."""
-    found: dict[str, dict[str, Any]] = {}
+def _listed(folder: Path) -> dict[tuple[str, str], dict[str, Any]]:
+    """The lines of a folder's `clips.jsonl` by their place and motion, as the listing's own reader understands them;
+    what cannot be read was said when the clips were listed."""
     if not (path := folder / "clips.jsonl").is_file():
-        return found
-    for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines():
-        try:
-            values = json.loads(line)
-            found.setdefault(str(inside(folder, values, "clips.jsonl")), values)
-        except (InputError, ValueError, AttributeError, RecursionError):
-            continue
-    return found
+        return {}
+    lines, _ = read_listing(path, lambda values, where, _: ((where, str(inside(folder, values, where))), values))
+    return dict(lines)
+
+
+def _as_read(values: dict[str, Any], clip: Clip) -> dict[str, Any]:
+    """What a line says of its clip, without the captions that its reader refused."""
+    listed = values.get("captions") or []
+    taken = (_json(entry) for entry in listed if captions({"captions": [entry]}, clip.where, []))
+    return {**_json(values), "captions": list(islice(taken, len(clip.captions)))}  # its reader takes so many of a clip
+
+
+def _json(values: dict[str, Any]) -> dict[str, Any]:
+    """Values that JSON has a place for: Python reads NaN and Infinity too, which other readers stumble over."""
+    return {key: value for key, value in values.items() if _is_json(value)}
+
+
+def _is_json(value: Any) -> bool:
+    try:
+        json.dumps(value, allow_nan=False)
+    except (ValueError, RecursionError):
+        return False
+    return True
 
 
 def _apart(windows: Sequence[tuple[float, float, str]]) -> Sequence[tuple[float, float, str]]:
@@ -155,5 +176,6 @@ def _pair(pair: Pair, rows: Sequence[ClipRow], windows: Sequence[tuple[int, floa
     return {"motions": ends, "joints_m": round(pair.joints, 4), "embedding": round(pair.embedding, 4)}
 
 
-def _write_lines(path: Path, lines: Iterator[dict[str, Any]]) -> None:
-    write_bytes(path, "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines))
+def _lines(lines: Iterable[dict[str, Any]]) -> bytes:
+    """JSON lines in UTF-8; half of a character, which has no place there, is spelled out as JSON does."""
+    return "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines).encode("utf-8", "backslashreplace")

@@ -8,6 +8,7 @@ import sys
 
 from motionary.cli import options as shared
 from motionary.cli.command import Command
+from motionary.cli.outputs import add_force
 
 _SHOWN = 20  # problems; the rest is counted
 
@@ -16,6 +17,7 @@ def _arguments(add: argparse.ArgumentParser) -> None:
     add.add_argument("folder", metavar="FOLDER", help="motions, with or without clips.jsonl")
     add.add_argument("--out", metavar="FOLDER", help="where the results go (the folder itself)")
     add.add_argument("--workers", type=shared.count, default=0, help="processes (one for each core)")
+    add_force(add, "captions.jsonl, flags.jsonl and duplicates.jsonl that are not as an index wrote them")
     shared.add_models(add)
     shared.add_json(add)
 
@@ -25,7 +27,13 @@ def _run(options: argparse.Namespace) -> None:
     from motionary.archive import index_folder
 
     found = index_folder(
-        options.folder, options.models, options.out, options.device, options.workers, progress=sys.stderr.isatty()
+        options.folder,
+        options.models,
+        options.out,
+        options.device,
+        options.workers,
+        progress=sys.stderr.isatty(),
+        force=options.force,
     )
     problems = found.pop("problems")
     for problem in problems[:_SHOWN]:
