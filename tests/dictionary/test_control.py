@@ -136,6 +136,7 @@ def test_from_one_pose_to_another_and_on(d, walk):
         (lambda d, m: d.extend([m, m]), "motion: .*must be one Motion"),
         (lambda d, m: load(5), "models: 5: must be the path of a folder"),
         (lambda d, m: load("a" * 5000), "missing: must be a folder of trained models"),
+        (lambda d, m: read_motion(None), "path: None: must be the path of a motion file"),
         (lambda d, m: m.crop(0.5, 2.5), r"crop: \(0.5, 2.5\): must be whole numbers"),
         (lambda d, m: m.plant_feet(1.5), "first_frame: 1.5: must be a whole number"),
         (lambda d, m: m.to(None), "rig: None: must be"),

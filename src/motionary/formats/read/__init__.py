@@ -78,7 +78,7 @@ def read_motion_with(
 ) -> tuple[Motion, Reading]:
     """`read_motion`, and how the file was read; it warns of nothing (see `Reading.notes`), and `mapping` may be the
     options."""
-    _check_file(Path(path))
+    _check_file(path)
     if (extension := Path(path).suffix.lower()) in _CONVERTED:
         raise InputError(path, extension, f"only {' '.join(READERS)} can be read; {_CONVERTED[extension]}")
     reader = function_of(path, READERS, "read")
@@ -98,10 +98,12 @@ def read_motion_with(
     return motion, replace(reading, told=told, notes=notes)
 
 
-def _check_file(path: Path) -> None:
-    """InputError for a folder; it says how to read what lies there."""
+def _check_file(path: object) -> None:
+    """InputError for what is no path, and for a folder; it says how to read what lies there."""
+    if not isinstance(path, str | os.PathLike):
+        raise InputError("path", path, "must be the path of a motion file")
     if os.path.isdir(path):
-        suffix = next((name for name in READERS if any(path.glob(f"*{name}"))), next(iter(READERS)))
+        suffix = next((name for name in READERS if any(Path(path).glob(f"*{name}"))), next(iter(READERS)))
         rule = f"must be a file; name those in it, as {path}/*{suffix}, or take all of them: motionary index {path}"
         raise InputError(path, "a folder", rule)
 
