@@ -7,12 +7,23 @@ import os
 import re
 from typing import BinaryIO
 
+from motionary.errors import InputError
 from motionary.files import readable
 
+_LONGEST = 1 << 22  # bytes of a file that is small by its kind: a skeleton, a mapping
+_LONGEST_WIDE = 1 << 27  # bytes of a text in UTF-16, which takes four times as many while it is turned into UTF-8
 
-def read_text(path: str | os.PathLike) -> str:
-    """The text of a file, decoded by `decoded`."""
-    return decoded(readable(path).read_bytes())
+
+def read_text(path: str | os.PathLike, most: int = _LONGEST, kind: str = "such a text") -> str:
+    """The text of a file of at most `most` bytes, decoded by `decoded`; `kind` names such files in errors.
+
+    Raises:
+        InputError: it cannot be read, or is longer.
+    """
+    path = readable(path)
+    if (size := path.stat().st_size) > most:
+        raise InputError(path, f"{size:,} bytes", f"{kind} may have {most:,} (is it damaged?)")
+    return decoded(path.read_bytes())
 
 
 def decoded(data: bytes) -> str:
@@ -28,22 +39,26 @@ def decoded(data: bytes) -> str:
 
 def text_stream(path: str | os.PathLike) -> BinaryIO:
     """A text file opened for reading a piece at a time, as bytes in which digits and spaces are ASCII's: the file's
-    own, or UTF-8 where it is in UTF-16. A part that ends with a line can go to `decoded`."""
+    own, or UTF-8 where it is in UTF-16. A part that ends with a line can go to `decoded`.
+
+    Raises:
+        InputError: it cannot be read, or is in UTF-16 and longer than 128 MB.
+    """
     file = readable(path).open("rb")
     if _wide(file.read(200)) is None:
         file.seek(0)
         return file
     file.close()
-    return io.BytesIO(read_text(path).encode())
+    return io.BytesIO(read_text(path, _LONGEST_WIDE, "a text in UTF-16").encode())
 
 
 def _wide(data: bytes) -> str | None:
     """The name of the UTF-16 that bytes are in, None where they are not."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
-    if not data[:200].strip(b"\0"):
-        return None  # zeros alone, as of a hole in a file, are no text
-    if (odd := data[1:200:2].count(0)) + (even := data[:200:2].count(0)) > 0.4 * min(len(data), 200):
+    known = len(data[:200].rstrip(b"\0"))  # zeros at the end, as of a hole in a file, are no text
+    head = data[: known + known % 2]
+    if (odd := head[1::2].count(0)) + (even := head[::2].count(0)) > 0.4 * len(head):
         return "utf-16-le" if odd > even else "utf-16-be"
     return None
 

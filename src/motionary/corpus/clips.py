@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from motionary.corpus.checks import check_home, check_unicode, unforeseen
 from motionary.errors import InputError, shortened
+from motionary.formats.number_rows import LONGEST_LINE, text_lines
 from motionary.formats.read.reading_options import Reading, ReadingOptions, nearest_key
 from motionary.motion import Motion
 from motionary.motion.motion import SLOWEST_RATE
@@ -25,6 +26,7 @@ CAPTION_KEYS = ("text", "start", "end", "source")
 LONGEST_CAPTION = 1000
 _MOST_CAPTIONS = 1000  # of a clip, each of which may ask for a window of its own
 LONGEST_LABEL = 100
+_LONGEST_LISTING = 1 << 29  # bytes
 TOLERANCE = 0.1  # s by which a caption may overhang its clip: labels are rounded to frames of another rate
 
 
@@ -119,12 +121,19 @@ def read_listing(path: Path, parse, where: str | None = None) -> tuple[list, lis
         where: how to name the file in complaints (default: the path).
     """
     items, problems = [], []
-    with text_stream(path) as lines:
-        parts = (part for line in lines for part in line.splitlines())  # of bytes: at \n and \r alone
-        for number, line in enumerate(map(decoded, parts), 1):
-            if not line.strip():
-                continue
+    with text_stream(path) as file:
+        if (size := file.seek(0, 2)) > _LONGEST_LISTING:
+            rule = f"a listing may have {_LONGEST_LISTING:,}; what follows is left out (is it damaged?)"
+            problems.append(InputError(where or path, f"{size:,} bytes", rule))
+        file.seek(0)
+        for number, given in enumerate(text_lines(file, min(size, _LONGEST_LISTING)), 1):
             place = f"{where or path}:{number}"
+            if len(given) > LONGEST_LINE:
+                rule = "must be one JSON object per line (is it damaged?)"
+                problems.append(InputError(place, f"more than {LONGEST_LINE:,} bytes", rule))
+                continue
+            if not (line := decoded(given)).strip():
+                continue
             try:
                 values = json.loads(line)
                 if not isinstance(values, dict):

@@ -9,7 +9,7 @@ from typing import BinaryIO
 import numpy as np
 
 from motionary.errors import InputError
-from motionary.formats.number_rows import Told, number_rows, numbers_of, text_end, text_lines, with_points
+from motionary.formats.number_rows import LONGEST_LINE, Told, number_rows, numbers_of, text_end, text_lines, with_points
 from motionary.formats.read.extent import FARTHEST, check_extent
 from motionary.formats.read.frame_rate import rounding
 from motionary.motion.skeleton import MOST_JOINTS
@@ -18,6 +18,7 @@ from motionary.text_files import decoded
 CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
 _COUNTS = tuple("0123456")
 _HEADER = ("frames", "frame time")
+_LONGEST_HEAD = 1 << 22  # bytes; a hierarchy of as many joints as there may be takes less
 
 
 @dataclass
@@ -65,6 +66,9 @@ def parse(file: BinaryIO, name: object, told: Told = lambda count: None) -> RawB
     """
     end = text_end(file, name)
     head = head_of(file, end)
+    if len(head) > _LONGEST_HEAD:
+        rule = "a BVH file starts with HIERARCHY, MOTION, 'Frames:' and 'Frame Time:'"
+        raise InputError(name, f"no 'Frame Time:' in {_LONGEST_HEAD:,} bytes", rule)
     told(len(head))
     lines = decoded(head).splitlines()
     nodes, at = _hierarchy(lines, name)
@@ -77,11 +81,15 @@ def parse(file: BinaryIO, name: object, told: Told = lambda count: None) -> RawB
 
 
 def head_of(file: BinaryIO, end: int) -> bytes:
-    """The lines of a file before the first one of numbers, up to byte `end` at most."""
-    lines, keys = [], set()
+    """The lines of a file before the first one of numbers, up to byte `end` at most, or up to the first that makes
+    them longer than any hierarchy."""
+    lines, keys, length = [], set(), 0
     file.seek(0)
     for line in text_lines(file, end):
         lines.append(line)
+        length += len(line)
+        if length > _LONGEST_HEAD:
+            break
         keys.add(_key(line.partition(b":")[0].decode("latin-1")))
         if set(_HEADER) <= keys:
             break
@@ -249,6 +257,8 @@ def _numbers_error(frames: int, width: int, at: _Numbers, name: object) -> Input
         if not text:
             continue
         rows += 1
+        if len(line) > LONGEST_LINE:
+            return _fail(name, i, f"more than {LONGEST_LINE:,} bytes", f"frame {rows} must hold {width} numbers")
         try:
             numbers = numbers_of(text)
         except ValueError:

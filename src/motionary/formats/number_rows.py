@@ -14,6 +14,7 @@ import numpy as np
 from motionary.errors import InputError
 
 PIECE = 1 << 21  # bytes
+LONGEST_LINE = 1 << 24  # bytes; a longer one is a hole in a file
 SLOW = 1.0  # s after which a bar is shown
 _ENDS = b" \t\r\n\x00\x1a"  # what may stand after the last number: DOS marks the end of a text with 0x1A
 _MOST_FILLING = 1 << 26  # bytes after the last number
@@ -63,15 +64,20 @@ def text_end(file: BinaryIO, name: object) -> int:
 
 
 def text_lines(file: BinaryIO, end: int) -> Iterator[bytes]:
-    """The lines from where the file stands up to byte `end`, with their ends."""
-    rest: list[bytes] = []  # of a line that goes on
+    """The lines from where the file stands up to byte `end`, with their ends; of a line that is longer than
+    `LONGEST_LINE` the beginning alone, as soon as it is longer than that."""
+    rest, given = b"", False  # of a line that goes on; whether its beginning was given
     while piece := file.read(min(PIECE, end - file.tell())):
-        rest.append(piece)
-        if b"\n" in piece or b"\r" in piece:
-            lines = b"".join(rest).splitlines(keepends=True)
-            rest = [lines.pop()]  # a piece may end between \r and \n
-            yield from lines
-    yield from b"".join(rest).splitlines(keepends=True)
+        *lines, rest = (rest + piece).splitlines(keepends=True)  # a piece may end between \r and \n
+        yield from lines[1:] if given else lines
+        given = given and not lines
+        if not given and len(rest) > LONGEST_LINE:
+            yield rest
+            given = True
+        if given:
+            rest = rest[-1:]
+    if rest and not given:
+        yield rest
 
 
 def number_rows(file: BinaryIO, end: int, width: int, told: Told) -> Iterator[np.ndarray]:
@@ -84,7 +90,7 @@ def number_rows(file: BinaryIO, end: int, width: int, told: Told) -> Iterator[np
     while piece := file.read(min(PIECE, end - file.tell())):
         told(len(piece))
         text = rest + piece
-        cut = len(text) if file.tell() >= end else next((c for s in _SPACES if (c := text.rfind(s)) >= 0), -1)
+        cut = len(text) if file.tell() >= end else next((c for s in _SPACES if (c := text.rfind(s)) > 0), -1)
         if cut < 0:
             raise ValueError("no space")
         values, rest = np.concatenate([left, numbers_of(text[:cut])]), text[cut:]

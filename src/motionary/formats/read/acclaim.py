@@ -18,7 +18,7 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.files import readable
 from motionary.formats.animated_rig import Track, stretches
-from motionary.formats.number_rows import Told, reading_bar, text_lines
+from motionary.formats.number_rows import LONGEST_LINE, Told, reading_bar, text_end, text_lines
 from motionary.formats.read.asf import MOVES, TURNS, AcclaimRig, parse_asf
 from motionary.formats.read.extent import check_extent
 from motionary.formats.read.reading_options import Reading, ReadingOptions
@@ -61,11 +61,11 @@ def amc_with(
     rig_path = _find_asf(path) if asf is None else Path(asf)
     rig = parse_asf(read_text(rig_path), rig_path)
     with text_stream(path) as file, reading_bar(file, path, options.progress) as told:
-        size = file.seek(0, 2)
+        end = text_end(file, path)
         file.seek(0)
-        values, degrees, frames = _parse_amc(_lines(file, size, told), rig, path)
+        values, degrees, frames = _parse_amc(_lines(file, end, path, told), rig, path)
     joints = 2 * len(rig.bones)  # with the ends of chains
-    check_extent(path, f"{frames:,} frames of {len(rig.bones)} bones", frames * joints, size)
+    check_extent(path, f"{frames:,} frames of {len(rig.bones)} bones", frames * joints, end)
     track = _track(rig, values, degrees, frames)
     del values
     if abs(rig.length - 0.45) < 1e-6:
@@ -84,8 +84,10 @@ def _find_asf(path: Path) -> Path:
     return found[0]
 
 
-def _lines(file: BinaryIO, end: int, told: Told) -> Iterator[str]:
-    for line in text_lines(file, end):
+def _lines(file: BinaryIO, end: int, name: object, told: Told) -> Iterator[str]:
+    for i, line in enumerate(text_lines(file, end), 1):
+        if len(line) > LONGEST_LINE:
+            raise InputError(f"{name}, line {i}", f"more than {LONGEST_LINE:,} bytes", "must be a bone and its values")
         told(len(line))
         yield line.decode("ascii") if line.isascii() else decoded(line)
 
