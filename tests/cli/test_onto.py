@@ -10,7 +10,8 @@ from motionary.cli.command import build_parser
 from motionary.cli.commands import COMMANDS
 from motionary.corpus.demo import demo_clips
 from motionary.formats import read_motion
-from motionary.formats.gltf_container import chunks, packed
+from motionary.formats.gltf_container import packed
+from motionary.formats.gltf_file import GltfFile
 from motionary.motion import Skeleton, fit_rotations, retarget
 
 
@@ -85,7 +86,8 @@ CHAIN = {"nodes": [{"children": [i + 1]} for i in range(19999)] + [{}], "skins":
 )
 def test_a_damaged_character_is_said_in_one_line(files, capsys, extension, change, said):
     folder, _ = files
-    document, data = chunks(folder / "character.glb")
+    file = GltfFile.read(folder / "character.glb")
+    document, data = file.document, file.data
     (folder / "rig.glb").write_bytes(packed(change(document), data))
     target = folder / f"out.{extension}"
     assert main(["convert", str(folder / "walk.npz"), str(target), "--onto", str(folder / "rig.glb")]) == 2

@@ -14,7 +14,8 @@ from acclaim_files import HEADER
 from c3d_files import c3d_bytes
 
 from motionary.formats import write_motion
-from motionary.formats.gltf_container import chunks, packed
+from motionary.formats.gltf_container import packed
+from motionary.formats.gltf_file import GltfFile
 from motionary.motion import Motion, Skeleton
 
 NUMBERS = ("nan", "inf", "-1e308", "1e400", "1e30", "1e-320", "9" * 400, "0", "-1", "", "0x10", "1_0", "\u00b2", "1,5")
@@ -179,7 +180,8 @@ def _glb(rng: np.random.Generator, folder: Path) -> Path:
     path = folder / "case.glb"
     data = _saved(folder, "glb").read_bytes()
     if rng.random() < 0.6:
-        document, buffer = chunks(folder / "good.glb")
+        file = GltfFile.read(folder / "good.glb")
+        document, buffer = file.document, file.data
         path.write_bytes(packed(_document(rng, document), buffer))
     else:
         path.write_bytes(_bytes(rng, data))
@@ -188,7 +190,8 @@ def _glb(rng: np.random.Generator, folder: Path) -> Path:
 
 def _gltf(rng: np.random.Generator, folder: Path) -> Path:
     """As text with the buffer in it, of which a part is a matter of chance too."""
-    document, buffer = chunks(_saved(folder, "glb"))
+    file = GltfFile.read(_saved(folder, "glb"))
+    document, buffer = file.document, file.data
     if rng.random() < 0.3:
         buffer = _bytes(rng, buffer)
     document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(buffer).decode()}"

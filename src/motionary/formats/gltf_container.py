@@ -18,14 +18,14 @@ _HEAD, _MOST_CHUNKS = 12, 16  # bytes; a document, its buffer, and what extensio
 _LONGEST_TEXT = 1 << 28  # bytes; its objects take twenty times as many
 
 
-def chunks(path: Path) -> tuple[dict[str, Any], bytes]:
-    """JSON and binary buffer of a .glb file.
+def chunks(path: Path) -> tuple[dict[str, Any], int, range]:
+    """The JSON of a .glb file, its length in bytes, and which bytes of the file are its binary buffer.
 
     Raises:
         InputError: another format, truncated, or JSON that is none.
     """
     rule = "must be a glTF 2.0 binary file"
-    document, data, at, count = None, b"", _HEAD, 0
+    document, text, data, at, count = None, 0, range(0), _HEAD, 0
     with path.open("rb") as file:
         head = file.read(_HEAD)
         if head[:4] != b"glTF" or len(head) < _HEAD:
@@ -41,20 +41,21 @@ def chunks(path: Path) -> tuple[dict[str, Any], bytes]:
             if (at := at + 8 + length) > told:
                 raise InputError(path, "truncated", rule)
             if kind == JSON_CHUNK and document is None:
-                document = parsed(path, file, length)
+                document, text = parsed(path, file, length), length
             elif kind == BIN_CHUNK:
-                data = file.read(length)
+                data = range(at - length, at)
     if document is None:
         raise InputError(path, "no JSON", rule)
-    return document, data
+    return document, text, data
 
 
-def packed(document: dict[str, Any], data: bytes) -> bytes:
-    """The contents of a .glb file with this JSON and binary buffer."""
-    text = json.dumps(document, separators=(",", ":")).encode()
-    parts = ((JSON_CHUNK, text + b" " * (-len(text) % 4)), (BIN_CHUNK, data + b"\0" * (-len(data) % 4)))
-    body = b"".join(struct.pack("<I", len(part)) + kind + part for kind, part in parts)
-    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+def packed(document: dict[str, Any], *data: bytes) -> bytes:
+    """The contents of a .glb file with this JSON, and a binary buffer of these pieces."""
+    text, parts = json.dumps(document, separators=(",", ":")).encode(), []
+    for kind, pieces, filling in ((JSON_CHUNK, (text,), b" "), (BIN_CHUNK, data, b"\0")):
+        length = sum(map(len, pieces))
+        parts += [struct.pack("<I", length + -length % 4), kind, *pieces, filling * (-length % 4)]
+    return b"".join([b"glTF", struct.pack("<II", 2, _HEAD + sum(map(len, parts))), *parts])
 
 
 def parsed(path: Path, file: BinaryIO, length: int) -> dict[str, Any]:

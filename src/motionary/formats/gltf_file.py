@@ -1,6 +1,7 @@
 """glTF 2.0 files (.glb, .gltf): their JSON, nodes and arrays, each checked before it is used.
 
-Reference: Khronos, glTF 2.0 specification. A count is compared with the bytes that are there before memory is taken.
+Reference: Khronos, glTF 2.0 specification. A count is compared with the bytes that are there before memory is taken,
+and of a buffer nothing is read but what is asked for: most of it is meshes and images, or a hole.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from motionary.motion.skeleton import MOST_JOINTS
 
 GENERATOR = "motionary"  # the generator that our own files name
 _MOST_NODES = 20_000
+_MOST_NUMBERS, _MOST_AT_ONCE = 1 << 26, 1 << 24  # that are read of a file and of an accessor, 8 bytes each
+_LARGEST = 1 << 28  # bytes that are read at once
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
@@ -46,19 +49,39 @@ class GltfNode:
 
 
 @dataclass(frozen=True)
+class _Buffer:
+    """Where the bytes of a buffer are: in memory, or some of a file."""
+
+    source: bytes | Path
+    place: range
+
+    def read(self, start: int, length: int) -> bytes:
+        """Bytes from `start` on."""
+        if isinstance(self.source, bytes):
+            return self.source[start : start + length]
+        with self.source.open("rb") as file:
+            file.seek(self.place.start + start)
+            return file.read(length)
+
+
+@dataclass
 class GltfFile:
     """A glTF file whose parts are read, and checked, as they are asked for.
 
     Attributes:
         path: names it in errors.
         document: its JSON.
-        data: a .glb's binary buffer.
+        size: bytes of the JSON and of what was read of buffers.
+        binary: which bytes of the file are a .glb's buffer.
     """
 
     path: Path
     document: dict[str, Any]
-    data: bytes = field(repr=False)
-    _buffers: dict[int, bytes] = field(default_factory=dict, repr=False)
+    size: int
+    binary: range
+    _numbers: int = 0  # that were read
+    _seen: set[tuple[int, int, int]] = field(default_factory=set, repr=False)  # what `size` counts
+    _buffers: dict[int, _Buffer] = field(default_factory=dict, repr=False)
     _lists: dict[str, list[dict[str, Any]]] = field(default_factory=dict, repr=False)
 
     @staticmethod
@@ -72,17 +95,20 @@ class GltfFile:
         with path.open("rb") as file:
             binary = file.read(4) == b"glTF"
             file.seek(0)
-            document, data = chunks(path) if binary else (parsed(path, file, path.stat().st_size), b"")
+            size = path.stat().st_size
+            document, size, place = chunks(path) if binary else (parsed(path, file, size), size, range(0))
         asset = document.get("asset")
         version = asset.get("version") if isinstance(asset, dict) else None
         if not str(version).startswith("2."):
             raise InputError(path, f"version {version}", RULE)
-        return GltfFile(path, document, data)
+        return GltfFile(path, document, size, place)
 
     @property
-    def size(self) -> int:
-        """Bytes of the file and of the buffers that were read."""
-        return self.path.stat().st_size + sum(map(len, self._buffers.values()))
+    def data(self) -> bytes:
+        """The whole binary buffer of a .glb; InputError where it is larger than those of characters are."""
+        if (size := len(self.binary)) > _LARGEST:
+            raise self.wrong("buffer 0", f"{size:,} bytes", f"a character's may have {_LARGEST:,} (is it damaged?)")
+        return _Buffer(self.path, self.binary).read(0, size)
 
     def wrong(self, what: str, value: object, rule: str) -> InputError:
         """The complaint about a part of the file."""
@@ -215,15 +241,23 @@ class GltfFile:
         view = views[self.index(index, len(views), f"{what}, bufferView")]
         if "extensions" in view:
             raise self.wrong(what, ", ".join(map(str, view["extensions"])), "packed buffers are not read: unpack them")
-        data = self._buffer(view.get("buffer"), what)
+        buffer, at = self._buffer(view.get("buffer"), what)
         start, length = self._count(view, "byteOffset", what, 0), self._count(view, "byteLength", what)
         size = width * number.itemsize
         stride = self._count(view, "byteStride", what, size) or size
         needed = offset + (count - 1) * stride + size if count else 0
-        if stride < size or needed > length or start + length > len(data):
-            rule = f"must lie within its buffer of {len(data):,} bytes (truncated?)"
+        if stride < size or needed > length or start + length > len(buffer.place):
+            rule = f"must lie within its buffer of {len(buffer.place):,} bytes (truncated?)"
             raise self.wrong(what, f"{count} values of {size} bytes", rule)
-        return np.ndarray((count, width), number, data, start + offset, (stride, number.itemsize))
+        taken = max(needed - offset, 0)
+        self._numbers += count * width
+        if count * width > _MOST_AT_ONCE or self._numbers > _MOST_NUMBERS or taken > _LARGEST:
+            rule = f"may be {_MOST_AT_ONCE:,} numbers, {_MOST_NUMBERS:,} with all others of the file; cut it into parts"
+            raise self.wrong(what, f"{count:,} values in {taken:,} bytes", rule)
+        if (place := (at, start + offset, taken)) not in self._seen:  # accessors may lie on the same bytes
+            self._seen.add(place)
+            self.size += taken
+        return np.ndarray((count, width), number, buffer.read(start + offset, taken), 0, (stride, number.itemsize))
 
     def _count(self, entry: dict[str, Any], key: str, what: str, otherwise: int | None = None) -> int:
         value = entry.get(key, otherwise)
@@ -231,15 +265,16 @@ class GltfFile:
             raise self.wrong(f"{what}, {key}", value, "must be a whole number of at least 0")
         return value
 
-    def _buffer(self, index: object, what: str) -> bytes:
+    def _buffer(self, index: object, what: str) -> tuple[_Buffer, int]:
+        """A buffer and its index."""
         buffers = self.entries("buffers")
         at = self.index(index, len(buffers), f"{what}, buffer")
         if at not in self._buffers:
             given = buffers[at].get("uri") is not None
-            self._buffers[at] = self._loaded(buffers[at], f"buffer {at}") if given else self.data
-        return self._buffers[at]
+            self._buffers[at] = self._found(buffers[at], f"buffer {at}") if given else _Buffer(self.path, self.binary)
+        return self._buffers[at], at
 
-    def _loaded(self, buffer: dict[str, Any], what: str) -> bytes:
+    def _found(self, buffer: dict[str, Any], what: str) -> _Buffer:
         """A buffer written into the JSON, or as many bytes as it says of a file beside it, which may hold more."""
         uri = buffer["uri"]
         if not isinstance(uri, str):
@@ -247,9 +282,10 @@ class GltfFile:
         if uri.startswith("data:"):
             kind, _, text = uri.partition(",")
             try:
-                return base64.b64decode(text if kind.endswith(";base64") else "*", validate=True)
+                data = base64.b64decode(text if kind.endswith(";base64") else "*", validate=True)
             except (binascii.Error, ValueError):
                 raise self.wrong(f"{what}, uri", uri[:40], "must be base64") from None
+            return _Buffer(data, range(len(data)))
         file = self.path.parent / unquote(uri)
         try:
             here = file.resolve().is_relative_to(self.path.parent.resolve()) and file.is_file()
@@ -258,5 +294,4 @@ class GltfFile:
         if ":" in uri or not here:
             raise self.wrong(f"{what}, uri", uri, "must be a file in the folder of the .gltf")
         length = self._count(buffer, "byteLength", what)
-        with readable(file).open("rb") as data:
-            return data.read(min(length, file.stat().st_size))
+        return _Buffer(file, range(min(length, readable(file).stat().st_size)))

@@ -13,7 +13,8 @@ from gltf_made import Made, character
 from motionary.cli import main
 from motionary.errors import InputError, InputWarning
 from motionary.formats import read_motion, write_motion
-from motionary.formats.gltf_container import chunks, packed
+from motionary.formats.gltf_container import packed
+from motionary.formats.gltf_file import GltfFile
 from motionary.formats.read import read_motion_with
 from motionary.motion import Motion, Skeleton
 from motionary.motion.rotations import quat_action, rotvec_to_unitquat
@@ -394,6 +395,7 @@ def test_help_names_the_formats(capsys):
 
 def test_chunks_of_our_own_file(tmp_path, person):
     """The container is what `packed` made: JSON, and as many bytes as its buffer says."""
-    document, data = chunks(write_motion(person, tmp_path / "a.glb"))
+    file = GltfFile.read(write_motion(person, tmp_path / "a.glb"))
+    document, data = file.document, file.data
     assert len(data) == document["buffers"][0]["byteLength"]
     np.testing.assert_allclose(quat_action(TURN[1], np.array([1.0, 0, 0])), [0, 1, 0], atol=1e-12)

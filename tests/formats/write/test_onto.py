@@ -13,7 +13,8 @@ import pytest
 from motionary.errors import InputError
 from motionary.formats import read_motion, write_motion
 from motionary.formats.bvh_text import parse
-from motionary.formats.gltf_container import chunks, packed
+from motionary.formats.gltf_container import packed
+from motionary.formats.gltf_file import GltfFile
 from motionary.formats.read.smpl import SMPL_OFFSETS, SMPL_ROOT
 from motionary.formats.write.glb_rig import Character
 from motionary.motion import Motion, Skeleton
@@ -177,7 +178,8 @@ def test_a_glb_keeps_mesh_and_skin_and_moves_as_the_motion(person, skinned, tmp_
 @pytest.mark.parametrize("generator", ["motionary", "another program"])
 def test_a_glb_reads_back_at_the_motion_s_rate(person, skinned, tmp_path, generator):
     """Whatever the rate was that the character's own animation had."""
-    document, data = chunks(skinned)
+    file = GltfFile.read(skinned)
+    document, data = file.document, file.data
     document["asset"] |= {"generator": generator}
     skinned.write_bytes(packed(document, data))
     faster = Motion(person.positions, 60, person.skeleton, person.rotations)
@@ -201,7 +203,8 @@ REFUSED = {
 @pytest.mark.parametrize("kind", REFUSED)
 def test_characters_whose_motion_could_not_be_read_back_are_refused(person, skinned, tmp_path, kind):
     change, rule = REFUSED[kind]
-    document, data = chunks(skinned)
+    file = GltfFile.read(skinned)
+    document, data = file.document, file.data
     change(document)
     (tmp_path / "rig.glb").write_bytes(packed(document, data))
     with pytest.raises(InputError, match=rf"rig\.glb.*{rule}"):

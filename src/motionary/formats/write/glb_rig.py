@@ -81,9 +81,10 @@ def write_glb_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
     """
     with foreseen(onto, DAMAGED_RIG), about(onto):
         character = Character.read(onto)
+        data = [character.file.data]
     moved = to_rig(motion, character.rig)
     assert moved.rotations is not None
-    document, data = json.loads(json.dumps(character.file.document)), bytearray(character.file.data)
+    document = json.loads(json.dumps(character.file.document))
     document["buffers"] = document.get("buffers") or [{"byteLength": 0}]
     time = (np.arange(moved.frames) / moved.fps).astype(np.float32)
     clock = _add(document, data, time, bounds=True)
@@ -105,19 +106,20 @@ def write_glb_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
         _as_parts(document["nodes"][node], character.file.nodes[node])
         channel(joint, "rotation", rotations[:, joint])
     document["animations"] = [{"name": "motion", "channels": channels, "samplers": samplers}]
-    document["buffers"][0]["byteLength"] = len(data)
+    document["buffers"][0]["byteLength"] = sum(map(len, data))
     if (asset := document["asset"]).get("generator") == GENERATOR:  # whose readers look for the rate there
         extras = asset.get("extras")
         asset["extras"] = (extras if isinstance(extras, dict) else {}) | {"fps": motion.fps}
-    return write_bytes(path, packed(document, bytes(data)), force)
+    return write_bytes(path, packed(document, *data), force)
 
 
-def _add(document: dict[str, Any], data: bytearray, values: np.ndarray, bounds: bool = False) -> int:
-    """The index of a new accessor for float32 values (N,), (N, 3) or (N, 4)."""
-    data += b"\0" * (-len(data) % 4)
+def _add(document: dict[str, Any], data: list[bytes], values: np.ndarray, bounds: bool = False) -> int:
+    """The index of a new accessor for float32 values (N,), (N, 3) or (N, 4); pieces of the buffer grow by theirs."""
+    data.append(b"\0" * (-sum(map(len, data)) % 4))
+    start = sum(map(len, data))
     views, accessors = document.setdefault("bufferViews", []), document.setdefault("accessors", [])
-    views.append({"buffer": 0, "byteOffset": len(data), "byteLength": values.nbytes})
-    data += values.tobytes()
+    views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes})
+    data.append(values.tobytes())
     kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[values.size // len(values)]
     accessor = {"bufferView": len(views) - 1, "componentType": 5126, "count": len(values), "type": kind}
     if bounds:
