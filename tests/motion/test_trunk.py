@@ -37,8 +37,8 @@ def another_body(smpl: Skeleton) -> Skeleton:
         moved = offsets[smpl.roles[f"{side}_collar"]] * 0.9
         offsets[smpl.roles[f"{side}_collar"]] -= moved
         offsets[smpl.roles[f"{side}_shoulder"]] += moved
-    offsets[smpl.roles["spine1"]] += [0, -0.08, 0.02]
-    offsets[smpl.roles["spine2"]] += [0, 0.08, -0.02]
+    offsets[smpl.roles["spine1"]] += [0, 0, 0.04]
+    offsets[smpl.roles["spine2"]] += [0, 0, -0.04]
     return smpl.with_offsets(offsets)
 
 

@@ -7,9 +7,10 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.motion.facing import fill_short
 from motionary.motion.motion import Motion
-from motionary.motion.rigs import REQUIRED
+from motionary.motion.rigs import CENTRAL, REQUIRED
 from motionary.motion.rotations import TINY, vectors_to_rotmat
 from motionary.motion.skeleton import Skeleton
+from motionary.motion.tree import common_ancestor
 
 UNMAPPED = "roles of no known joint; say which joint plays which: mapping.json in a data folder, --mapping, mapping="
 COINCIDENT = 1e-3  # metres: nearer than this, a source joint says nothing about its bone
@@ -63,6 +64,49 @@ def guessed(motion: Motion, skeleton: Skeleton, source: list[int]) -> tuple[np.n
             turn @ (rest[joint] - rest[parent]), np.reshape(size, (-1, 1))
         )
     return points, known
+
+
+def spine_bones(motion: Motion, skeleton: Skeleton, points: np.ndarray) -> dict[int, np.ndarray]:
+    """Bones (T, 3) of the target's spine and neck, by joint, in the source's directions and lengths.
+
+    Rigs cut the line from pelvis to neck into one to eight bones: a spine2 is not as high on one as on another, and
+    joints that bend need not play any role. So the source's whole line is cut where the target's joints are, by share
+    of its length. Where either rig's line is not known, the bones are those between roles.
+
+    Args:
+        motion: the source.
+        skeleton: the target.
+        points: (T, J, 3) the source's joints at the places of the target's.
+    """
+    source, target = _spine_line(motion.skeleton), _spine_line(skeleton)
+    chain = [skeleton.parents[joint] for joint in target[1:]] == target[:-1]
+    if not (source and target and chain):
+        played = [skeleton.roles[role] for role in CENTRAL[1:-1] if role in skeleton.roles]
+        return {joint: points[:, joint] - points[:, skeleton.parents[joint]] for joint in played}
+    line = motion.positions[:, source].astype(np.float64)
+    lengths = np.median(np.linalg.norm(np.diff(line, axis=1), axis=-1), axis=0)
+    heights = np.cumsum([0, *lengths])
+    shares = np.cumsum([0, *skeleton.bone_lengths[target[1:]].astype(np.float64)])
+    cuts = heights[-1] * shares / max(shares[-1], TINY)
+    below = np.clip(np.searchsorted(heights, cuts, "right") - 1, 0, len(lengths) - 1)
+    part = ((cuts - heights[below]) / np.maximum(lengths[below], TINY))[:, None]
+    places = line[:, below] * (1 - part) + line[:, below + 1] * part
+    return dict(zip(target[1:], np.diff(places, axis=1).swapaxes(0, 1), strict=True))
+
+
+def _spine_line(skeleton: Skeleton) -> list[int]:
+    """The joints from the pelvis to the neck, whatever roles they play; none where the neck is not known.
+
+    What pelvis and spine both hang on may lie anywhere: it is left out.
+    """
+    if not {"pelvis", "neck"} <= skeleton.roles.keys():
+        return []
+    pelvis, joint = skeleton.roles["pelvis"], skeleton.roles["neck"]
+    meet, line = common_ancestor(skeleton.parents, pelvis, joint), []
+    while joint != meet:
+        line.append(joint)
+        joint = skeleton.parents[joint]
+    return [pelvis, *reversed(line)]
 
 
 def known_above(skeleton: Skeleton, known: np.ndarray, joint: int) -> int:

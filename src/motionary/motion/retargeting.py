@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motionary.motion.correspondence import COINCIDENT, correspondence, guessed, known_above
+from motionary.motion.correspondence import COINCIDENT, correspondence, guessed, known_above, spine_bones
 from motionary.motion.facing import fill_short
 from motionary.motion.kinematics import agrees
 from motionary.motion.motion import Motion
@@ -43,12 +43,12 @@ def retarget(motion: Motion, skeleton: Skeleton, mapping: Path | str | Mapping[s
 
     Joints correspond by name where all names agree, otherwise by role (`Skeleton.roles`). Limbs and head keep the
     source's directions; hips, spine, collars and shoulders turn from the target's rest pose as the source's turn from
-    its neutral one (`motionary.motion.trunk`). Where the source is a body of the same shape, or the target's rest pose
-    is not a person's, all bones keep their directions. All get the target's lengths. The way of the hips is scaled by
-    the ratio of the leg lengths, feet that stand go on standing, and the lowest point of the motion keeps its height.
-    Target joints that the source has not (or has on the spot of their parents) are placed in the shape that the
-    target's rest pose has between their neighbors. Rotations are not carried over: `fit_rotations` finds them, and
-    `Motion.to` those of a rig with its own rest pose.
+    its neutral one (`motionary.motion.trunk`); the spine bends as high as the source's, however many joints either has.
+    Where the source is a body of the same shape, or the target's rest pose is not a person's, all bones keep their
+    directions. All get the target's lengths. The way of the hips is scaled by the ratio of the leg lengths, feet that
+    stand go on standing, and the lowest point of the motion keeps its height. Target joints that the source has not (or
+    has on the spot of their parents) are placed in the shape that the target's rest pose has between their neighbors.
+    Rotations are not carried over: `fit_rotations` finds them, and `Motion.to` those of a rig with its own rest pose.
 
     Args:
         motion: on any rig.
@@ -62,11 +62,14 @@ def retarget(motion: Motion, skeleton: Skeleton, mapping: Path | str | Mapping[s
         motion = name_joints(motion, mapping)
     source = correspondence(motion.skeleton, skeleton)
     points, known = guessed(motion, skeleton, source)
-    same = _same_shape(motion, skeleton, points, known) or not stands(skeleton)
+    same = _same_shape(motion, skeleton, points, known)
+    reshaped = not same and stands(skeleton)
     ratio = _leg_ratio(points, skeleton)
-    trunk = {} if same else trunk_bones(points, skeleton, motion.fps)
+    trunk = {} if same else spine_bones(motion, skeleton, points)
+    if reshaped:
+        trunk = trunk_bones(points, trunk, skeleton, motion.fps)
     positions = _placed(points, points[:, 0] * ratio, skeleton, trunk)
-    if not same:
+    if reshaped:
         # The legs hang from the hips, so that it is these which keep their way, and the root sits where it may.
         hips = list(skeleton.hips)
         positions += (points[:, hips].mean(1) * ratio - positions[:, hips].mean(1))[:, None]

@@ -12,6 +12,7 @@ target's part turns from its rest pose.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
@@ -40,11 +41,14 @@ class _Parts:
     chest: Frames
 
 
-def trunk_bones(points: np.ndarray, skeleton: Skeleton, fps: float) -> dict[int, np.ndarray]:
+def trunk_bones(
+    points: np.ndarray, spine: Mapping[int, np.ndarray], skeleton: Skeleton, fps: float
+) -> dict[int, np.ndarray]:
     """Bone directions of the target's trunk, (T, 3) by joint: hips, spine, neck, collars and shoulders.
 
     Args:
         points: (T, J, 3) the source's joints at the places of the target's.
+        spine: the source's bones (T, 3) of the target's spine and neck, by joint.
         skeleton: the target.
         fps: of the motion.
     """
@@ -61,11 +65,10 @@ def trunk_bones(points: np.ndarray, skeleton: Skeleton, fps: float) -> dict[int,
     for role in ("left_collar", "right_collar"):
         if role in roles:
             bones[roles[role]] = chest @ _offset(rest, skeleton, roles[role])
-    spine = [roles[role] for role in _SPINE if role in roles]
-    above = [skeleton.parents[joint] for joint in spine]
-    own_bones = (rest[spine] - rest[above]) @ own.trunk[0]
-    turned = _turned(seen.trunk, points[:, spine] - points[:, above], own_bones, weights, prior)
-    bones |= {joint: turned[:, k] for k, joint in enumerate(spine)}
+    if spine:
+        own_bones = np.array([_offset(rest, skeleton, joint) for joint in spine]) @ own.trunk[0]
+        turned = _turned(seen.trunk, np.stack(list(spine.values()), axis=1), own_bones, weights, prior)
+        bones |= {joint: turned[:, k] for k, joint in enumerate(spine)}
     moved = _shoulder_moves(points, skeleton, seen, own, weights)
     for joint, move in zip(skeleton.shoulders, moved, strict=True):
         bones[joint] = (chest @ (_offset(rest, skeleton, joint) + move)[..., None])[..., 0]
