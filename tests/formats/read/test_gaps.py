@@ -87,6 +87,15 @@ def test_a_pelvis_at_zero_is_a_body_that_was_moved_there(read, when):
     assert not [note for note in reading.notes if "frames" in note]
 
 
+def test_a_pelvis_at_zero_all_the_time_is_one_wherever_the_hips_are(read):
+    """Also in the frames in which the hips' middle is farther from it than they are from each other."""
+    moved = BODY - BODY[:, :1]
+    moved[::7, 1:, 1] -= 0.2
+    motion, reading = read(moved)
+    np.testing.assert_array_equal(motion.positions, moved)
+    assert not any("place" in note or "lack" in note for note in reading.notes)
+
+
 def test_what_never_has_a_body_and_joints_at_zero_for_good_stay(tmp_path, read):
     assert read(np.zeros((40, 22, 3)))[0].frames == 40
     always = BODY.copy()

@@ -33,7 +33,8 @@ def unseen(places: np.ndarray, roles: Mapping[str, int]) -> np.ndarray:
     if "pelvis" in roles and (there := np.flatnonzero(zero[:, roles["pelvis"]])).size:
         left, right = (places[there, roles[f"{side}_hip"]].astype(np.float64) for side in ("left", "right"))
         centred = np.linalg.norm((left + right) / 2, axis=-1) < np.linalg.norm(left - right, axis=-1)
-        zero[there[centred]] = False
+        often = centred.mean() > MOST_MISSING  # then it is so in all of them, however the body is bent
+        zero[there if often else there[centred], roles["pelvis"]] = False
     return zero | empty[:, None]
 
 
