@@ -133,6 +133,15 @@ _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
     float: (is_real, "must be a number"),
     str: (lambda value: isinstance(value, str), "must be text"),
 }
+
+
+def check_kind(name: str, value: Any, kind: type) -> None:
+    """InputError unless a value is of a kind: bool, int, float (any number that is finite) or str."""
+    holds, rule = _KINDS[kind]
+    if not holds(value):
+        raise InputError(name, value, rule)
+
+
 _listed = (lambda value: isinstance(value, list | tuple), "must be a list")
 _anything = (lambda value: True, "")
 

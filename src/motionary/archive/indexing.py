@@ -26,7 +26,7 @@ from motionary.files import writable_folder
 from motionary.systems.io import model_hash
 from motionary.systems.registry import EMBED, MOTION_TO_TEXT
 
-_VERSION = "1"  # of what is measured and cut: parts of another are made anew
+_VERSION = "2"  # of what is read, measured and cut: parts of another are made anew
 _CLIPS, _BYTES = 32, 64_000_000  # of a part at most: enough to compute together, little to lose
 
 

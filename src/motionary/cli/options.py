@@ -11,7 +11,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
-from motionary.errors import STRONGEST, InputError
+from motionary.errors import MOST_ASKED, STRONGEST, InputError
 
 if TYPE_CHECKING:
     from motionary.dictionary import Dictionary
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 R = TypeVar("R")
-_MOST = 10_000  # results of one command
 _MOST_TEXT = 10_000_000  # bytes of prompts
 READ = "bvh, amc, npz, npy, glb, gltf or c3d"
 
@@ -27,9 +26,9 @@ READ = "bvh, amc, npz, npy, glb, gltf or c3d"
 def count(text: str) -> int:
     """The type of an option: a whole number of at least 1, at most 10,000."""
     value = int(text)
-    if not 1 <= value <= _MOST:
+    if not 1 <= value <= MOST_ASKED:
         shown = text if len(text) < 20 else f"a number of {len(text)} digits"
-        raise argparse.ArgumentTypeError(f"{shown}: must be from 1 to {_MOST:,}")
+        raise argparse.ArgumentTypeError(f"{shown}: must be from 1 to {MOST_ASKED:,}")
     return value
 
 

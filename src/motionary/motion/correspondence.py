@@ -7,7 +7,7 @@ import numpy as np
 from motionary.errors import InputError
 from motionary.motion.facing import fill_short
 from motionary.motion.motion import Motion
-from motionary.motion.rigs import CENTRAL, REQUIRED
+from motionary.motion.rigs import REQUIRED, SPINE
 from motionary.motion.rotations import TINY, vectors_to_rotmat
 from motionary.motion.skeleton import Skeleton
 from motionary.motion.tree import common_ancestor
@@ -81,7 +81,7 @@ def spine_bones(motion: Motion, skeleton: Skeleton, points: np.ndarray) -> dict[
     source, target = _spine_line(motion.skeleton), _spine_line(skeleton)
     chain = [skeleton.parents[joint] for joint in target[1:]] == target[:-1]
     if not (source and target and chain):
-        played = [skeleton.roles[role] for role in CENTRAL[1:-1] if role in skeleton.roles]
+        played = [skeleton.roles[role] for role in SPINE if role in skeleton.roles]
         return {joint: points[:, joint] - points[:, skeleton.parents[joint]] for joint in played}
     line = motion.positions[:, source].astype(np.float64)
     lengths = np.median(np.linalg.norm(np.diff(line, axis=1), axis=-1), axis=0)

@@ -15,7 +15,8 @@ from functools import lru_cache
 from importlib.resources import files
 from itertools import chain, islice
 
-CENTRAL = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+SPINE = ("spine1", "spine2", "spine3", "neck")
+CENTRAL = ("pelvis", *SPINE, "head")
 LIMBS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
 SIDES = ("left", "right")
 ROLES = (*CENTRAL, *(f"{side}_{part}" for part in LIMBS for side in SIDES))

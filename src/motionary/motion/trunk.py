@@ -20,13 +20,13 @@ from typing import TypeAlias
 import numpy as np
 
 from motionary.motion.facing import fill_short
+from motionary.motion.rigs import SPINE
 from motionary.motion.rotations import TINY, vectors_to_rotmat
 from motionary.motion.skeleton import Skeleton
 
 Frames: TypeAlias = np.ndarray
 """(T, 3, 3) rotation matrices, their columns the axes left, up and ahead."""
 
-_SPINE = ("spine1", "spine2", "spine3", "neck")
 _PRIOR = 0.25  # seconds of the target's rest pose that count with the motion's own frames
 _UPRIGHT = (0.7, 0.9)  # cosines of the trunk to the vertical: from none to all of a frame's weight
 _LEAST = 0.1  # weight of a frame that is not upright, for motions that never are
@@ -113,7 +113,7 @@ def _own_parts(skeleton: Skeleton) -> _Parts:
 def _parts(points: np.ndarray, skeleton: Skeleton) -> _Parts:
     (a, b), (c, d) = skeleton.hips, skeleton.shoulders
     trunk = trunk_frames(points, skeleton)
-    spine = [skeleton.roles[role] for role in _SPINE if role in skeleton.roles]
+    spine = [skeleton.roles[role] for role in SPINE if role in skeleton.roles]
     low = next((j for j in spine if np.median(np.linalg.norm(points[:, j] - points[:, 0], axis=-1)) > 0.01), c)
     pelvis = _axes(points[:, a] - points[:, b], points[:, low] - (points[:, a] + points[:, b]) / 2, trunk)
     top = spine[-1] if spine else c

@@ -17,8 +17,8 @@ if TYPE_CHECKING:  # the page and the shell look offers up without torch
 
 # What a generator hands out: features of the corpus's codec, or, where a system has features of its own, a Motion.
 Made = np.ndarray | Motion
-# What sampling can be told; a system may ignore some.
-SAMPLING = ("temperature", "top_k", "top_p", "guidance", "greedy")
+# What sampling can be told, and of what kind; a system may ignore some.
+SAMPLING = {"temperature": float, "top_k": int, "top_p": float, "guidance": float, "greedy": bool}
 # Frames for sentences and seeds; the likeliest where asked for.
 DrawLengths = Callable[[Sequence[Sentence], Sequence[int], bool], Sequence[int]]
 

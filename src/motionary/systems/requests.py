@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from motionary.corpus.context import Context
-from motionary.errors import InputError, check_whole, is_real
+from motionary.errors import InputError, check_kind
 from motionary.language import Sentence
 from motionary.systems.protocols import SAMPLING
 
@@ -35,14 +35,8 @@ def check_options(options: Mapping[str, Any]) -> None:
     for name, value in options.items():
         if name not in SAMPLING:
             raise InputError(name, value, f"unknown option; known are {', '.join(SAMPLING)}")
-        if value is None:
-            continue
-        if name == "greedy" and not isinstance(value, bool):
-            raise InputError(name, value, "must be true or false")
-        if name == "top_k":
-            check_whole(name, value, 0)
-        elif not is_real(value) and name != "greedy":
-            raise InputError(name, value, "must be a number")
+        if value is not None:
+            check_kind(name, value, SAMPLING[name])
 
 
 def check_frames(context: Context, sentences: Sequence[Sentence], frames: Sequence[int]) -> list[int]:

@@ -31,7 +31,7 @@ def multiplies_bfloat16() -> bool:
 
 def knows_bfloat16() -> bool:
     """Whether the processor knows bfloat16 at all (AVX-512 BF16 or AMX). Without, products in it are put together from
-    other instructions: a training step was ten times as long as in 32 bits."""
+    other instructions, and a training step takes many times as long as in 32 bits."""
     return multiplies_bfloat16() or bool(getattr(torch.cpu, "_is_avx512_bf16_supported", bool)())
 
 
@@ -74,7 +74,7 @@ def make_fabric(device: str = "auto", precision: str | int = "32") -> Fabric:
 def _warn_emulated() -> None:
     if os.environ.get("RANK", "0") == "0":
         print(
-            "warning: precision: bf16-mixed: this processor does not know bfloat16, so that steps take about ten times "
+            "warning: precision: bf16-mixed: this processor does not know bfloat16, so that steps take many times "
             "as long as in 32 bits; precision=auto takes what it is good at",
             file=sys.stderr,
         )

@@ -115,8 +115,9 @@ def write_glb_onto(motion: Motion, onto: str | os.PathLike, path: str | os.PathL
 
 def _add(document: dict[str, Any], data: list[bytes], values: np.ndarray, bounds: bool = False) -> int:
     """The index of a new accessor for float32 values (N,), (N, 3) or (N, 4); pieces of the buffer grow by theirs."""
-    data.append(b"\0" * (-sum(map(len, data)) % 4))
-    start = sum(map(len, data))
+    end = sum(map(len, data))
+    start = end + -end % 4
+    data.append(b"\0" * (start - end))
     views, accessors = document.setdefault("bufferViews", []), document.setdefault("accessors", [])
     views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes})
     data.append(values.tobytes())

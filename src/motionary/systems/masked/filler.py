@@ -57,8 +57,7 @@ class Filler(ABC):
     ) -> list[np.ndarray]:
         """Raw features (T, D) for each sentence, as :meth:`TextToMotion.generate` says; without `frames` text2length
         draws them."""
-        check_options(options)
-        self.drawing(options)
+        self._asked(options)
         check_seeds(sentences, seeds)
         drawn = self.lengths(sentences, seeds, bool(options.get("greedy"))) if frames is None else frames
         wanted, unit = check_frames(self.context, sentences, drawn), self.context.unit
@@ -80,8 +79,7 @@ class Filler(ABC):
         **options: float,
     ) -> list[np.ndarray]:
         """Codes (S, width) of each motion, as :meth:`MotionInfiller.infill` says."""
-        check_options(options)
-        drawing = self.drawing(options)
+        drawing = self._asked(options)
         check_seeds(sentences, seeds)  # type: ignore[arg-type]
         self._check(tokens, known, sentences)
         results: list[np.ndarray] = [np.zeros(0)] * len(tokens)
@@ -127,6 +125,11 @@ class Filler(ABC):
     def check_known(self, name: str, codes: np.ndarray) -> None:
         """InputError, which calls them `name`, for known codes (K, width) that no model could have."""
         ...
+
+    def _asked(self, options: Mapping[str, float]) -> Any:
+        """`drawing`; InputError for an option that sampling does not have too."""
+        check_options(options)
+        return self.drawing(options)
 
     def read(self, sentences: Sequence[Sentence | None]) -> tuple[Text, Tensor]:
         """The sentences as the model reads them, and (B,) where there are any."""
